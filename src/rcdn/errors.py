@@ -27,6 +27,11 @@ def many(count: int, thing: str, things: str = "") -> str:
     return f"{count} {thing if count == 1 else things or thing + 's'}"
 
 
+def two_digits(value: float) -> str:
+    """Two significant digits or all before the decimal point: 0.12, 5.7, 203."""
+    return f"{value:.2g}" if abs(value) < 99.5 else f"{value:.0f}"
+
+
 def were_left_out(count: int) -> str:
     """What `count` of several things did, and what was done to them."""
     return f"{'disagrees' if count == 1 else 'disagree'} with the others and {'was' if count == 1 else 'were'} left out"

@@ -50,8 +50,10 @@ class Run:
         numbers: tuple[tuple[int, ...], ...] | None = None,
         cameras: int = 1,
         behind: bool = False,
+        silent: str | None = None,
     ) -> Gathered:
-        """The boards in `inputs`; with `behind` also those whose codes are seen from behind.
+        """The boards in `inputs`; with `behind` also those whose codes are seen from behind. `silent`: as for
+        `rcdn.batch.inputs.gather`.
 
         With more than two `cameras`, fewer frames are chosen from each video: in total about twice as many as for one
         camera. Raises CalibrationError if there are no boards.
@@ -63,7 +65,17 @@ class Run:
         config, store, jobs, frames = self._settings
         frames = frames if cameras <= 2 else max(FEWEST_FRAMES, 2 * frames // cameras)
         store, make = (two_sided(store), make_two_sided) if behind else (store, make_detector)
-        got = gather(inputs, config, jobs=jobs, cache=store, frames=frames, numbers=numbers, size=self.size, make=make)
+        got = gather(
+            inputs,
+            config,
+            jobs=jobs,
+            cache=store,
+            frames=frames,
+            numbers=numbers,
+            size=self.size,
+            make=make,
+            silent=silent,
+        )
         self.failed = self.failed or bool(got.failures)
         for note in got.notes:
             console.note(note)
@@ -248,5 +260,6 @@ def pictures_of(calibration: Calibration, got: Gathered, outputs: Outputs) -> Pi
 def _print_results(done: Calibration | StereoCalibration, lines: Sequence[str], left_out: Sequence[str]) -> None:
     from rcdn.terminal.camera_text import advice_lines, verdict_line
 
-    for line in [*verdict_line(done.verdict), *lines, *left_out, *advice_lines(done.verdict, done.advice)]:
+    first = verdict_line(done.verdict, several=hasattr(done, "left"))
+    for line in [*first, *lines, *left_out, *advice_lines(done.verdict, done.advice)]:
         console.print_line(line)

@@ -69,18 +69,19 @@ def gather(
     numbers: Numbers | None = None,
     size: tuple[int, int] | None = None,
     make: Callable[[DetectorConfig], Any] = make_detector,
+    silent: str | None = None,
 ) -> Gathered:
     """Detections of all `inputs`: pictures, videos, folders, patterns, and files of detections (.json, corners.vnl).
 
     `jobs` processes (0: one for each core) compute what isn't in the `cache`. Of each video at most `frames` frames are
     used, chosen to be sharp and to differ; `numbers` gives them instead, for each video, as they were chosen for the
     other camera of a pair (`Gathered.frames`). `size`: the board's (columns, rows), which a corners.vnl doesn't hold;
-    None: it is guessed.
+    None: it is guessed. `silent`: beginning of warnings that aren't printed, since the caller speaks of all of them.
 
     A file that fails is reported on stderr and the others are processed. The result doesn't depend on `jobs` or on the
     cache. Raises ConfigError if there is nothing to read, RcdnError if no detector can be made, KeyboardInterrupt.
     """
-    run = _Run(expanded(inputs), frames, numbers)
+    run = _Run(expanded(inputs), frames, numbers, silent)
     if not run.paths:
         raise ConfigError("there is nothing to read; name pictures, videos, folders that hold some, or detections")
     run.read_saved(size)
@@ -100,7 +101,9 @@ class _Video:
 
 
 class _Run:
-    def __init__(self, expanded: tuple[list[Path], list[Failure]], frames: int, numbers: Numbers | None) -> None:
+    def __init__(
+        self, expanded: tuple[list[Path], list[Failure]], frames: int, numbers: Numbers | None, silent: str | None
+    ) -> None:
         from rcdn.io import is_video
 
         self.paths, self.failures = expanded
@@ -108,6 +111,7 @@ class _Run:
         self._videos = {k: _Video(p) for k, p in self.shot.items() if is_video(p)}
         self._images: dict[int, list[ImageResult]] = {k: [] for k in range(len(self.paths))}
         self._most = frames
+        self._silent = silent
         self._given = dict(zip(self._videos, numbers, strict=False)) if numbers is not None else None
         self._notes: list[str] = []
         self._reused = 0
@@ -151,8 +155,8 @@ class _Run:
                         self._fail(outcome, bar.print_error)
                         continue
                     self._images[done.index].append(outcome)
-                    if outcome.warnings:
-                        bar.warn(warning_text(outcome.path, outcome.warnings))
+                    if aloud := [w for w in outcome.warnings if not (self._silent and w.startswith(self._silent))]:
+                        bar.warn(warning_text(outcome.path, aloud))
         if work.cache is not None:
             work.cache.prune()
 

@@ -92,7 +92,11 @@ def _write(
     from rcdn.live.session import Written
     from rcdn.terminal.camera_text import advice_lines, verdict_line
 
-    lines = [*verdict_line(done.verdict), *advice_lines(done.verdict, done.advice), *([doubt] if doubt else [])]
+    lines = [
+        *verdict_line(done.verdict, several=hasattr(done, "left")),
+        *advice_lines(done.verdict, done.advice),
+        *([doubt] if doubt else []),
+    ]
     files: list[Path] = []
     for name in () if doubt else formats:
         try:

@@ -53,7 +53,7 @@ def many_cameras(run: Run, inputs: Sequence[str], problem: Problem, outputs: Out
         correct_time=problem.correct_time,
         fixed_boards=problem.fixed_boards,
     )
-    for line in [*verdict_line(done.verdict), *rig_lines(done)]:
+    for line in [*verdict_line(done.verdict, several=True), *rig_lines(done)]:
         console.print_line(line)
     kept = outputs.kept(*(done.cameras[name] for name in done.rig.names if name not in known))
     run.failed |= not outputs.write(
@@ -69,12 +69,16 @@ def many_cameras(run: Run, inputs: Sequence[str], problem: Problem, outputs: Out
 
 def _gathered(run: Run, cameras: Mapping[str, Sequence[str]], problem: Problem) -> dict[str, Gathered]:
     """The detections of each camera; of videos, all frames that were chosen in the video of any camera."""
-    found = {name: run.gather(inputs, cameras=len(cameras)) for name, inputs in cameras.items()}
+    from rcdn.types.limits import READ_IN_A_MIRROR
+
+    found = {
+        name: run.gather(inputs, cameras=len(cameras), silent=READ_IN_A_MIRROR) for name, inputs in cameras.items()
+    }
     chosen = _together([got.frames for got in found.values()])
     chosen = _with_neighbours(chosen) if problem.correct_time else chosen
     for name, inputs in cameras.items():
         if chosen and found[name].frames != chosen:
-            found[name] = run.gather(inputs, chosen)
+            found[name] = run.gather(inputs, chosen, silent=READ_IN_A_MIRROR)
         found[name] = seen_from_behind(run, name, inputs, found[name])
         run.check(found[name], problem.spacing)
     return found

@@ -7,7 +7,7 @@ import numpy as np
 
 from rcdn.calibration.facts import Facts
 from rcdn.calibration.limits import growth, reason
-from rcdn.errors import were_left_out
+from rcdn.errors import two_digits, were_left_out
 from rcdn.types import Array, Calibration, Level, Reason
 
 UNEVEN_FROM = 0.25
@@ -170,7 +170,7 @@ def parameters(c: Calibration, facts: Facts) -> list[Reason]:
         ),
         reason(
             "centre", facts.centre_std / width, "The pictures settle the principal point.",
-            f"The principal point is known only to ±{facts.centre_std:.1f} px.", how,
+            f"The principal point is known only to ±{two_digits(facts.centre_std)} px.", how,
         ),
         reason(
             "aspect", beyond, "Pixels are square, as far as the pictures tell.",
@@ -184,11 +184,12 @@ def parameters(c: Calibration, facts: Facts) -> list[Reason]:
 def projections(c: Calibration, facts: Facts) -> list[Reason]:
     """Projection uncertainty, typical and in the corners of the frame."""
     factor = growth(c.camera.image_size)
-    rim = f"known only to ±{facts.at_corners:.1f} px" if np.isfinite(facts.at_corners) else "not known at all"
+    rim = f"known only to ±{two_digits(facts.at_corners)} px" if np.isfinite(facts.at_corners) else "not known at all"
+    typical = two_digits(facts.typical)
     return [
         reason(
-            "typical", facts.typical, f"In half of the picture projections are known to ±{facts.typical:.2f} px.",
-            f"In half of the picture projections are known only to ±{facts.typical:.1f} px or worse.",
+            "typical", facts.typical, f"In half of the picture projections are known to ±{typical} px.",
+            f"In half of the picture projections are known only to ±{typical} px or worse.",
             "Add pictures, with more variety: tilted, near and far, all over the picture.", factor=factor,
         ),
         reason(

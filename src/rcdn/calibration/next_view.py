@@ -10,6 +10,7 @@ from rcdn.calibration.added_view import Forecast
 from rcdn.calibration.board_points import flat_points, plane_of
 from rcdn.calibration.candidates import SIDES, Candidates, board_corners, candidates, in_frame, placed
 from rcdn.calibration.view_checks import THIRDS
+from rcdn.errors import two_digits
 from rcdn.geometry import project
 from rcdn.types import Array, Calibration, Plane, Pose
 from rcdn.types.arrays import Real
@@ -107,7 +108,7 @@ def sentence(found: NextView, image_size: tuple[int, int]) -> str:
     """The instruction in words, with its predicted benefit."""
     return (
         f"{place_and_tilt(found, image_size)[:-1]}: the worst projection uncertainty would fall from "
-        f"{found.before:.2g} px to about {found.after:.2g} px."
+        f"{two_digits(found.before)} px to about {two_digits(found.after)} px."
     )
 
 

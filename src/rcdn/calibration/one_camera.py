@@ -18,7 +18,7 @@ from scipy.special import stdtr
 from rcdn.calibration.apart import CameraGroup, apart_by, calibrate_apart, significance
 from rcdn.calibration.groups import FEWEST, describe, name_partitions, natural_order
 from rcdn.calibration.influence import ViewInformation, gains, group_difference, view_information
-from rcdn.errors import RcdnError
+from rcdn.errors import RcdnError, two_digits
 from rcdn.types import Array, Calibration, Camera
 from rcdn.types.arrays import Real
 
@@ -79,10 +79,10 @@ class SeveralCameras:
         z = significance(self.groups)
         best = int(np.argmax(z))
         groups = "; ".join(self._group(g, best if z[best] >= SURE else None) for g in self.groups)
-        apart = ", ".join(f"{g.rms:.2g}" for g in self.groups)
+        apart = ", ".join(two_digits(g.rms) for g in self.groups)
         return (
             f"The pictures are not of one camera at one zoom and focus: {groups}. RMS apart {apart} px, together "
-            f"{self.together:.2g} px."
+            f"{two_digits(self.together)} px."
         )
 
     def _group(self, group: CameraGroup, parameter: int | None) -> str:

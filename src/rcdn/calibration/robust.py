@@ -14,6 +14,7 @@ from rcdn.calibration.solver import BEHIND, Arrow, solve
 from rcdn.calibration.start import Seen
 from rcdn.calibration.start import poses as poses_of
 from rcdn.calibration.uncertainty import JACKKNIFE, Clustered, clustered
+from rcdn.errors import two_digits
 from rcdn.geometry import rotation
 from rcdn.types import Array
 from rcdn.types.arrays import Real
@@ -235,8 +236,8 @@ def _agreeing(gaps: Array, frame: Array, noise: float, sigma: Array, frames: int
         elif len(mine) and np.median(miss[mine]) > CROOKED * np.sqrt(MEDIAN):
             others = np.median(np.delete(px, f)) if frames > 1 else 0.0
             reasons[f] = (
-                f"its corners lie {px[f]:.2g} px from where this camera would see them, "
-                f"those of other views {others:.2g} px"
+                f"its corners lie {two_digits(px[f])} px from where this camera would see them, "
+                f"those of other views {two_digits(others)} px"
             )
         elif share > TOO_MANY:
             reasons[f] = f"{share:.0%} of its corners disagree with the other views"

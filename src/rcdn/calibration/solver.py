@@ -111,7 +111,7 @@ def _inverse_factor(blocks: Real[Array, "f n n"], whole: Real[Array, " n"] | Non
     `whole` (n,): the diagonal before other unknowns were eliminated; what remains of it may be rounding error only.
     Parameters that no corner depends on get zeros, so that they do not move.
     """
-    if not blocks.shape[-1]:
+    if not blocks.size:
         return blocks
     diagonal = np.einsum("fii->fi", blocks)
     floor = 1e-13 * (diagonal if whole is None else whole[None])

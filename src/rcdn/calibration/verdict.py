@@ -59,9 +59,15 @@ def verdict_of(reasons: Sequence[Reason]) -> Verdict:
     return Verdict(ordered[0].level if ordered else "unsure", ordered)
 
 
-def headline(verdict: Verdict) -> str:
-    """The verdict in one line: its meaning, and the worst reason with its remedy."""
-    return " ".join([f"{WORD[verdict.level]}:", *filter(None, [MEANING[verdict.level]]), *sentences(verdict)[:1]])
+def meaning(level: Level, several: bool = False) -> str:
+    """What to do with the camera, or with `several`; "" if the verdict can't say."""
+    return MEANING[level].replace("this camera", "these cameras") if several else MEANING[level]
+
+
+def headline(verdict: Verdict, several: bool = False) -> str:
+    """The verdict on a camera, or on `several`, in one line: its meaning, and the worst reason with its remedy."""
+    found = meaning(verdict.level, several)
+    return " ".join([f"{WORD[verdict.level]}:", *filter(None, [found]), *sentences(verdict)[:1]])
 
 
 def sentences(verdict: Verdict) -> tuple[str, ...]:

@@ -17,11 +17,11 @@ if TYPE_CHECKING:
     from rcdn.types import Array, Calibration, ModelScore, PoseEstimate, StereoCalibration, Verdict
 
 
-def verdict_line(verdict: Verdict) -> list[str]:
-    """The line of the verdict, which is printed first; empty if there is none."""
+def verdict_line(verdict: Verdict, several: bool = False) -> list[str]:
+    """The line of the verdict on a camera, or on `several`, which is printed first; empty if there is none."""
     from rcdn.calibration.verdict import headline
 
-    return [headline(verdict)] if verdict.judged else []
+    return [headline(verdict, several)] if verdict.judged else []
 
 
 def advice_lines(verdict: Verdict, advice: Sequence[str]) -> list[str]:

@@ -76,7 +76,7 @@ def report(
     payload = {
         "title": title,
         "rig": _numbers(found, weakest),
-        "verdict": verdict.shown(judged, [*RIG_LIMITS.values(), *LIMITS.values()], largest),
+        "verdict": verdict.shown(judged, [*RIG_LIMITS.values(), *LIMITS.values()], largest, several=True),
         "places": _places(found, weakest, partner),
         "pairs": _pairs(found),
         "boards": _boards(found),

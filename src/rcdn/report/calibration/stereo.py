@@ -67,7 +67,7 @@ def report(stereo: StereoCalibration, left: Pictures | None, right: Pictures | N
     payload = {
         "title": title,
         "pair": _facts(stereo, both[0][3]),
-        "verdict": verdict.shown(judged, limits, stereo.left.camera.image_size, _advice(stereo)),
+        "verdict": verdict.shown(judged, limits, stereo.left.camera.image_size, _advice(stereo), several=True),
         "places": relative.places(stereo),
         "pairs": {"drawing": _bars(stereo, gaps), "rows": _rows(stereo, gaps)},
         "rectified": rectified_pair(stereo, gaps, left, right),

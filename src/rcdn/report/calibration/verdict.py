@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from rcdn.calibration.limits import Limit, growth
-from rcdn.calibration.verdict import MEANING, WORD, sentences
+from rcdn.calibration.verdict import WORD, meaning, sentences
 from rcdn.report.calibration.formats import number, percent, pixels
 from rcdn.types import LEVELS, Level, Reason, Verdict
 
@@ -38,14 +38,19 @@ class ShownVerdict:
 
 
 def shown(
-    found: Verdict, limits: Sequence[Limit], image_size: tuple[int, int], advice: Sequence[str] = ()
+    found: Verdict,
+    limits: Sequence[Limit],
+    image_size: tuple[int, int],
+    advice: Sequence[str] = (),
+    several: bool = False,
 ) -> ShownVerdict:
-    """The verdict on pictures of `image_size`; `advice` that isn't one of its reasons is noted."""
+    """The verdict on pictures of `image_size`, of one camera or `several`; `advice` that isn't one of its reasons is
+    noted."""
     stated = sentences(found)
     return ShownVerdict(
         level=found.level,
         word=WORD[found.level],
-        summary=" ".join(filter(None, [MEANING[found.level].capitalize(), *stated[:1]])),
+        summary=" ".join(filter(None, [meaning(found.level, several).capitalize(), *stated[:1]])),
         reasons=tuple(ShownReason(r.level, r.what, value_of(r), r.sentence, r.action) for r in found.reasons),
         limits=tuple(limits),
         growth=growth(image_size),
