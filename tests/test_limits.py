@@ -9,6 +9,7 @@ import pytest
 from rcdn.boards.graph import Field
 from rcdn.boards.local import Grid
 from rcdn.boards.merge import merge
+from rcdn.boards.of_views import SAME, distinct_boards
 from rcdn.config import DetectorConfig, Nms
 from rcdn.corners.nms import nms
 from rcdn.detector import Detector
@@ -17,7 +18,6 @@ from rcdn.geometry.near import nearest
 from rcdn.geometry.polygon import deeper, depth, least_depth
 from rcdn.io import ImageResult
 from rcdn.io.formats import image_line, image_of_line
-from rcdn.pyramid import SAME, distinct_boards
 from rcdn.types import Board, Status, Warnings, allowed
 from rcdn_lab.worst_case import checkers
 

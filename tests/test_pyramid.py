@@ -7,17 +7,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import rcdn
+from rcdn.boards.of_views import adds_to, distinct_boards, distinct_corners
 from rcdn.config import DetectorConfig
 from rcdn.metrics import match
 from rcdn.pyramid import (
     SMALL_PICTURE,
     View,
-    adds_to,
     at_the_frame,
     boards_in_picture,
     closer_view,
-    distinct_boards,
-    distinct_corners,
     faint_cells,
     halved_first,
     may_go_on,

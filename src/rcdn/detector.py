@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from rcdn.boards import BOARDS, largest
+from rcdn.boards.of_views import distinct_boards, distinct_corners
 from rcdn.config import DetectorConfig
 from rcdn.corners.response import load_model
 from rcdn.errors import ConfigError, shown
@@ -15,7 +16,6 @@ from rcdn.geometry.rows import joint, rows_among
 from rcdn.io import grey_of
 from rcdn.precision import sharpen
 from rcdn.precision.surroundings import Surroundings
-from rcdn.pyramid import distinct_boards, distinct_corners
 from rcdn.targets.circles import is_circle_grid
 from rcdn.targets.quick_test import CornerSamples, sample_corners
 from rcdn.types import Array, Board, Corners, Target, Warnings, allowed

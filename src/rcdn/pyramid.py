@@ -1,9 +1,9 @@
-"""Detection at several scales: which views of an image to process, and how their results are merged.
+"""Detection at several scales: which views of an image to process.
 
 The network is trained for squares of about 6 to 60 px and blur up to 4 px. A small image whose boards are not clearly
 visible, or a part of a large one with tiny squares, is also processed enlarged; a large image also reduced, which
-narrows wide blur. Boards are recovered in each view separately; where boards of two views are the same, the one with
-more corners is kept. Positions are returned in pixels of the original image.
+narrows wide blur. Boards are recovered in each view separately (`boards.of_views` has those of all views once).
+Positions are returned in pixels of the original image.
 """
 
 from __future__ import annotations
@@ -13,12 +13,11 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from rcdn.corners.adaptive import nearest_pitch
+from rcdn.boards.of_views import EDGE, SAME, inside, pitch_of
 from rcdn.corners.sieve import CELL
-from rcdn.geometry.boxes import BoxCells, PointCells
-from rcdn.geometry.median import median
+from rcdn.geometry.boxes import PointCells
 from rcdn.geometry.near import nearest, within
-from rcdn.geometry.polygon import deeper, depth, least_depth
+from rcdn.geometry.polygon import deeper, least_depth
 from rcdn.types import Array, Board, Corners
 from rcdn.types.arrays import Bool, Real, Shaped
 
@@ -52,19 +51,9 @@ LEAST_TINY = 12
 """fewest strong corners of such density for an enlarged view"""
 MOST_ENLARGED = 500 * 400
 """px; largest part of an image that is enlarged"""
-SAME = 0.35
-"""corners closer than this share of a square are the same"""
 BEYOND = (0.3, 1.5)
 """radius, squares + px of the view, around the predicted next corner of a board within which a peak may be that
 corner"""
-SHARED, COVERED = 0.25, 0.5
-"""largest share of a board's corners that may coincide with those of a larger board, and that may lie inside it;
-beyond, it is no board of its own"""
-BESIDE, ONE_SQUARE = 0.9, 1.5
-"""squares of the larger board: what is nearer to its next corner lies among its corners, and the extent up to which a
-board is part of one of its squares"""
-EDGE = 1e-3
-"""px; tolerance of the test whether a corner lies inside a board's hull, so that its own corners do"""
 SPECK_PITCH, SPECK = 5.6, 0.1
 """px; a board of smaller squares must span this share of the image diagonal"""
 
@@ -128,12 +117,12 @@ def closer_view(xy: Real[Array, "n 2"], boards: list[Board], shape: tuple[int, .
     Corners that belong to `boards` of larger squares, or lie between their corners, do not count.
     """
     height, width = shape[:2]
-    large = [board for board in boards if _pitch(board) >= TINY] if len(xy) else []
+    large = [board for board in boards if pitch_of(board) >= TINY] if len(xy) else []
     if large:
         cells, left = PointCells(xy), np.ones(len(xy), bool)
         for board in large:
             rows = cells.inside(board.xy.min(axis=0) - EDGE, board.xy.max(axis=0) + EDGE)
-            left[rows] &= ~_inside(board, xy[rows])
+            left[rows] &= ~inside(board, xy[rows])
         xy = xy[left]
     if len(xy) < LEAST_TINY:
         return None
@@ -176,7 +165,7 @@ def shown_nearby(response: Real[Array, "h w"], boards: list[Board], shape: tuple
     side = 2 * SURE_REACH + 1
     cells = _cells_under(cv2.dilate((response >= SURE).view(np.uint8), np.ones((side, side), np.uint8)), shape)
     for board in boards:
-        more = AROUND * _pitch(board)
+        more = AROUND * pitch_of(board)
         _mark(cells, board.xy.min(axis=0) - more, board.xy.max(axis=0) + more)
     return cells
 
@@ -218,7 +207,7 @@ def plainly_seen(boards: list[Board], strong: Array, shape: tuple[int, ...], sca
     `at_the_frame` of the image (H, W), where only the full image can show them.
     """
     least = PLAIN if scale == 1 else PLAIN_REDUCED / scale
-    if not settled(boards) or any(_pitch(board) < least for board in boards):
+    if not settled(boards) or any(pitch_of(board) < least for board in boards):
         return False
     rim, second, _ = _rims(boards)
     return (
@@ -280,7 +269,7 @@ def outside(view: View, cells: Array, boards: list[Board]) -> Array:
     for board in boards:
         _clear(left, places, board.grid(), CELL / view.scale)
     corners = np.concatenate([np.zeros((0, 2)), *(board.xy for board in boards)])
-    reach = np.repeat([SAME * _pitch(board) for board in boards], [len(board) for board in boards])
+    reach = np.repeat([SAME * pitch_of(board) for board in boards], [len(board) for board in boards])
     left[within(at, corners, reach)[1]] = False
     out = np.zeros_like(cells)
     out[row[left], column[left]] = True
@@ -332,104 +321,9 @@ def boards_in_picture(view: View, boards: list[Board], shape: tuple[int, ...]) -
 
 def _speck(board: Board) -> bool:
     span = float(np.linalg.norm(np.ptp(board.xy, axis=0), axis=0))
-    return _pitch(board) < SPECK_PITCH and span < SPECK * float(np.linalg.norm(board.image_size, axis=0))
-
-
-def _pitch(board: Board) -> float:
-    """Median distance to the nearest corner, px."""
-    return median(nearest_pitch(board.xy))
+    return pitch_of(board) < SPECK_PITCH and span < SPECK * float(np.linalg.norm(board.image_size, axis=0))
 
 
 def corners_in_picture(view: View, corners: Corners) -> Corners:
     """Corners of a view in pixels of the image."""
     return replace(corners, xy=view.to_picture(corners.xy)) if len(corners) else corners
-
-
-def distinct_boards(found: list[list[Board]]) -> list[Board]:
-    """The boards of all views (the full-size one first), each once: of two that share corners, the one with more
-    corners.
-
-    A board among the corners of a larger one, or in one of its squares, is rejected: it consists of markers and glyphs.
-    """
-    ranked = sorted(
-        ((len(b), -k, b) for k, boards in enumerate(found) for b in boards), key=lambda r: r[:2], reverse=True
-    )
-    every = [board for _, _, board in ranked]
-    if len(every) < 2:
-        return every
-    low, high = (np.array([end(b.xy, axis=0) for b in every]) for end in (np.min, np.max))
-    boxes, twins = BoxCells(low, high), _twins(every)
-    kept: set[int] = set()
-    for k, board in enumerate(every):
-        around = kept.intersection(boxes.touched(low[k] - EDGE, high[k] + EDGE))
-        if kept.isdisjoint(twins[k]) and not any(_covers(every[n], board.xy) for n in sorted(around)):
-            kept.add(k)
-    return sorted((every[k] for k in kept), key=lambda b: (-len(b), *b.xy[0]))
-
-
-def _covers(board: Board, xy: Array) -> bool:
-    """Whether positions (N, 2) px lie among the corners of a board, or together in one of its squares. A gap in it may
-    be another board before it."""
-    inside = _inside(board, xy)
-    if inside.mean() <= COVERED:
-        return False
-    pitch = nearest_pitch(board.xy)
-    if np.ptp(xy, axis=0).max() < ONE_SQUARE * median(pitch):
-        return True
-    distance, corner = nearest(board.xy, xy)
-    return bool((inside & (distance[:, 0] < BESIDE * pitch[corner[:, 0]])).mean() > COVERED)
-
-
-def adds_to(board: Board, known: list[Board], more: int) -> bool:
-    """Whether a board has `more` corners, at least, than each of the `known` ones with which it shares corners."""
-    ranked = sorted([b for b in known if len(b) > len(board) - more], key=len, reverse=True)
-    return not _twins([*ranked, board])[-1]
-
-
-def _twins(boards: list[Board]) -> list[list[int]]:
-    """For each board, the earlier ones that share more than `SHARED` of its corners."""
-    xy, sizes = np.concatenate([b.xy for b in boards]), np.array([len(b) for b in boards])
-    owner, reach = np.repeat(np.arange(len(boards)), sizes), np.array([SAME * _pitch(b) for b in boards])
-    theirs, own = within(xy, xy, reach[owner])
-    later = owner[theirs] < owner[own]
-    theirs, own = theirs[later], own[later]
-    step = xy[own] - xy[theirs]
-    close = np.sqrt(step[:, 0] * step[:, 0] + step[:, 1] * step[:, 1]) < reach[owner[theirs]]
-    # each corner counts once for each board that has a corner there
-    corner, other = np.divmod(np.unique(own[close] * len(boards) + owner[theirs[close]]), len(boards))
-    pair, count = np.unique(owner[corner] * len(boards) + other, return_counts=True)
-    out: list[list[int]] = [[] for _ in boards]
-    for k, n in zip(*np.divmod(pair[count > SHARED * sizes[pair // len(boards)]], len(boards)), strict=True):
-        out[k].append(int(n))
-    return out
-
-
-def _inside(board: Board, xy: Array) -> Bool[Array, " n"]:
-    """(N,) bool: which positions lie within the convex hull of a board's corners."""
-    return depth(cv2.convexHull(board.xy.astype(np.float32)), xy) >= -EDGE
-
-
-def distinct_corners(parts: list[Corners], reach: float = 3.0) -> Corners:
-    """Corners of several lists, each once: of two closer than `reach` px, the one in the earlier list is kept."""
-    out = parts[0]
-    for more in parts[1:]:
-        if len(out) and len(more):
-            more = more.take(nearest(out.xy, more.xy)[0][:, 0] >= reach)
-        if len(more):
-            out = _joined(out, more)
-    return out.sort()
-
-
-def _joined(one: Corners, two: Corners) -> Corners:
-    """Both lists in one; attributes that only one of them has (axes, sigma) are NaN in the other's rows."""
-
-    def both(name: str) -> Array | None:
-        a, b = getattr(one, name), getattr(two, name)
-        if a is None and b is None:
-            return None
-        tail = (a if a is not None else b).shape[1:]
-        fill = [np.full((len(c), *tail), np.nan) if v is None else v for c, v in ((one, a), (two, b))]
-        return np.concatenate(fill)
-
-    values = {name: np.concatenate([getattr(one, name), getattr(two, name)]) for name in ("xy", "response", "status")}
-    return Corners(**values, axes=both("axes"), sigma=both("sigma"))

@@ -11,6 +11,7 @@ import numpy as np
 
 from rcdn.boards import count_cells, find_boards, find_pieces
 from rcdn.boards.deltille import find_deltilles
+from rcdn.boards.of_views import adds_to, distinct_boards, distinct_corners
 from rcdn.boards.paper import find_boards_paper
 from rcdn.config import DetectorConfig
 from rcdn.corners import Candidates, Maxima, candidates_at, find_maxima
@@ -23,13 +24,10 @@ from rcdn.corners.six_sector import six_candidates
 from rcdn.geometry.rows import joint, rows_among
 from rcdn.pyramid import (
     View,
-    adds_to,
     at_the_frame,
     boards_in_picture,
     closer_view,
     corners_in_picture,
-    distinct_boards,
-    distinct_corners,
     faint_cells,
     halved_first,
     may_go_on,
