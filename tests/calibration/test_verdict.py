@@ -14,7 +14,7 @@ from rcdn.calibration.limits import LIMITS, STEREO_LIMITS, growth, reason
 from rcdn.calibration.verdict import fails, headline, judge, verdict_of
 from rcdn.calibration.view_checks import THIRDS
 from rcdn.calibration.view_facts import places, tilts
-from rcdn.types import LEVELS, BoardShape, ModelScore, Reason, Verdict
+from rcdn.types import LEVELS, BoardShape, Camera, ModelScore, Reason, Verdict
 from rcdn_lab import bad_cases
 from rcdn_lab.camera_scenes import CAMERAS, SPACING, random_boards
 from rcdn_lab.real_boards import curved_board
@@ -149,6 +149,14 @@ def test_a_lens_that_turns_back_inside_the_picture_is_said(good):
     folded = replace(good, camera=good.camera.with_parameters(parameters))
     assert "breaks down inside the picture" in found(folded, "reach").sentence
     assert found(folded, "reach").level in ("unsure", "bad")
+    assert "another model (fisheye for a wide lens)" in found(folded, "reach").action
+
+
+def test_a_fisheye_is_not_told_to_become_one(good):
+    fisheye = Camera(good.camera.K, np.array([-3.0, 0, 0, 0]), good.camera.image_size, "fisheye")  # turns back at 19°
+    found_there = found(replace(good, camera=fisheye), "reach")
+    assert "breaks down inside the picture" in found_there.sentence
+    assert found_there.action == "Bring the board into the corners of the picture."
 
 
 def test_empty_thirds_are_named(good):

@@ -105,7 +105,7 @@ def write_pair(path: Path, found: StereoCalibration | StereoCameras, format: Cam
     if _maps(path, format):
         write_stereo_maps(path, found)
         return
-    write_stereo(path, found, format)
+    _note_files(path, write_stereo(path, found, format))
     pair = StereoCameras.of(found)
     _note_fits(path, [lens_fit(path, camera, format) for camera in (pair.left, pair.right)])
 
@@ -117,7 +117,10 @@ def write_rig_files(path: Path, rig: Rig, format: CameraFormat | None) -> None:
     for name, fit in zip(rig.names, write_rig(path, rig, format), strict=True):
         if fit is not None:
             console.note(f"{path}: camera {name}: {fit.text}")
-    files = rig_paths(path, rig.names, format)
+    _note_files(path, rig_paths(path, rig.names, format))
+
+
+def _note_files(path: Path, files: Sequence[Path]) -> None:
     if len(files) > 1:
         console.note(f"{path}: a file a camera: {', '.join(str(f) for f in files)}")
 

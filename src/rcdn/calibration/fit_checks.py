@@ -149,11 +149,12 @@ def uneven(c: Calibration, facts: Facts) -> list[Reason]:
 
 def reach(c: Calibration, facts: Facts) -> list[Reason]:
     """Pixels for which the lens model has no ray."""
+    other = "" if c.camera.model == "fisheye" else ", or take another model (fisheye for a wide lens)"
     return [
         reason(
             "reach", facts.reach, "Every pixel that the lens can fill has a ray.",
             f"The lens model breaks down inside the picture: {1 - facts.reach:.1%} of it has no rays.",
-            "Bring the board into the corners of the picture, or take another model (fisheye for a wide lens).",
+            f"Bring the board into the corners of the picture{other}.",
         )
     ]  # fmt: skip
 
