@@ -154,9 +154,10 @@ def test_a_lens_that_turns_back_inside_the_picture_is_said(good):
 
 def test_a_fisheye_is_not_told_to_become_one(good):
     fisheye = Camera(good.camera.K, np.array([-3.0, 0, 0, 0]), good.camera.image_size, "fisheye")  # turns back at 19°
-    found_there = found(replace(good, camera=fisheye), "reach")
-    assert "breaks down inside the picture" in found_there.sentence
-    assert found_there.action == "Bring the board into the corners of the picture."
+    short = np.delete(np.arange(len(good.cov)), 8)  # without k3
+    reach = found(replace(good, camera=fisheye, cov=good.cov[np.ix_(short, short)]), "reach")
+    assert "breaks down inside the picture" in reach.sentence
+    assert reach.action == "Bring the board into the corners of the picture."
 
 
 def test_empty_thirds_are_named(good):
