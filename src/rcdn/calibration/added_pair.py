@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rcdn.calibration.added_view import Information, Outlook, Prior, frame_rays, level_of
-from rcdn.calibration.bundle import motion_jacobian
+from rcdn.calibration.bundle import by_motion
 from rcdn.calibration.candidates import in_frame
 from rcdn.calibration.uncertainty import pixel_jacobians
 from rcdn.geometry import project, project_with_jacobian
@@ -140,9 +140,9 @@ class PairForecast(Outlook):
             shared = np.zeros((len(flat), 2, a + b + 6))
             shared[:, :, a if c else 0 : a + b if c else a] = by_camera
             if c:
-                shared[:, :, a + b :] = by_point @ motion_jacobian(here)
+                shared[:, :, a + b :] = by_motion(by_point, here)
             weight = (self.pair.weight[c] * np.sqrt(seen[:, c])).reshape(-1, 1, 1)
-            for rows, found in ((J, shared), (B, in_left @ motion_jacobian(flat))):
+            for rows, found in ((J, shared), (B, by_motion(in_left, flat))):
                 rows.append((np.where(weight > 0, found, 0.0) * weight).reshape(shape[0], -1, found.shape[2]))
         return Information.marginalised(np.concatenate(J, axis=1), np.concatenate(B, axis=1))
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from rcdn.geometry import cross_matrix, project, project_with_jacobian, rotation
+from rcdn.geometry import project, project_with_jacobian, rotation
 from rcdn.types import LENS, Array, Camera
 from rcdn.types.arrays import Real
 
@@ -172,8 +172,7 @@ def on_first_board(state: State, corners: Corners3) -> Real[Array, "n 3"]:
     board = np.column_stack([corners.board, np.zeros(len(corners))]) + shape
     if corners.part is None or len(state.boards) == 1:
         return np.asarray(board)
-    T = state.boards[corners.part]
-    return np.asarray((T[:, :3, :3] @ board[:, :, None])[..., 0] + T[:, :3, 3])
+    return _moved(state.boards, corners.part, board)
 
 
 def middles(state: State, corners: Corners3) -> Real[Array, "f 3"]:
@@ -188,9 +187,16 @@ def _placed(state: State, corners: Corners3) -> tuple[Array, Array, Array]:
     """(N, 3) the corners in the coordinates of the first board, in those of the first camera, and in those of the
     camera that saw each."""
     board = on_first_board(state, corners)
-    T, rig = state.poses[corners.frame], state.rig[corners.camera]
-    first = (T[:, :3, :3] @ board[:, :, None])[..., 0] + T[:, :3, 3]
-    return board, first, (rig[:, :3, :3] @ first[:, :, None])[..., 0] + rig[:, :3, 3]
+    first = _moved(state.poses, corners.frame, board)
+    return board, first, first if len(state.cameras) == 1 else _moved(state.rig, corners.camera, first)
+
+
+def _moved(T: Real[Array, "f 4 4"], number: Real[Array, " n"], points: Real[Array, "n 3"]) -> Real[Array, "n 3"]:
+    """`points` (N, 3) after the rigid motion `number` (N,) among `T`."""
+    x, y, z = points.T[:, :, None]
+    columns = T[:, :3].transpose(2, 0, 1)
+    R, t = columns[:3, number], columns[3, number]
+    return np.asarray(R[0] * x + R[1] * y + R[2] * z + t)
 
 
 def linearise(state: State, corners: Corners3) -> tuple[Array, Array, Array]:
@@ -225,20 +231,28 @@ def linearise_one(state: State, corners: Corners3, camera: int) -> tuple[Array, 
     """As `linearise`, for corners of one camera: with respect to its `parameters_of` only."""
     board, first, points = _placed(state, corners)
     xy, by_point, by_lens = project_with_jacobian(state.cameras[camera], points)
-    in_first = by_point @ state.rig[camera, :3, :3]
-    by_board = in_first @ state.poses[corners.frame, :3, :3]
+    in_first = by_point @ state.rig[camera, :3, :3] if camera else by_point
+    part = corners.part if len(state.boards) > 1 else None
     parts = [by_lens]
     if camera:
-        parts.append(by_point @ motion_jacobian(points))
-    if corners.part is not None and len(state.boards) > 1:
-        parts.append(_by_places(corners.part, len(state.boards), by_board @ motion_jacobian(board)))
-        by_board = by_board @ state.boards[corners.part, :3, :3]
-    if len(state.shape):
-        functions = corners.basis[:, : len(state.shape)]
-        by_shape = functions[:, None, :, None] * by_board[:, :, None, :]
-        parts.append(by_shape.reshape(len(corners), 2, state.shape.size))
+        parts.append(by_motion(by_point, points))
+    if part is not None or len(state.shape):
+        by_board = in_first @ state.poses[corners.frame, :3, :3]
+        if part is not None:
+            parts.append(_by_places(part, len(state.boards), by_motion(by_board, board)))
+            by_board = by_board @ state.boards[part, :3, :3]
+        if len(state.shape):
+            parts.append(_by_shape(corners.basis[:, : len(state.shape)], by_board))
     shared = np.concatenate(parts, axis=2) if len(parts) > 1 else by_lens
-    return xy, in_first @ motion_jacobian(first), shared
+    return xy, by_motion(in_first, first), shared
+
+
+def _by_shape(functions: Real[Array, "n b"], by_board: Real[Array, "n 2 3"]) -> Real[Array, "n 2 k"]:
+    """(N, 2, 3 B) derivatives by the shape's coefficients, of those `by_board` by the corners' places."""
+    out = np.empty((*by_board.shape[:2], functions.shape[1], 3))
+    for axis in range(3):
+        np.multiply(functions[:, None], by_board[:, :, axis, None], out=out[:, :, :, axis])
+    return out.reshape(*out.shape[:2], 3 * functions.shape[1])
 
 
 def _by_places(part: Array, boards: int, by_motion: Real[Array, "n 2 6"]) -> Real[Array, "n 2 k"]:
@@ -249,11 +263,14 @@ def _by_places(part: Array, boards: int, by_motion: Real[Array, "n 2 6"]) -> Rea
     return out[:, :, 1:].reshape(len(part), 2, 6 * (boards - 1))
 
 
-def motion_jacobian(points: Real[Array, "n 3"]) -> Real[Array, "n 3 6"]:
-    """∂point/∂motion (N, 3, 6) of `points` (N, 3)."""
-    out = np.zeros((len(points), 3, 6))
-    out[:, :, :3] = -cross_matrix(points)
-    out[:, [0, 1, 2], [3, 4, 5]] = 1.0
+def by_motion(by_point: Real[Array, "n 2 3"], points: Real[Array, "n 3"]) -> Real[Array, "n 2 6"]:
+    """Derivatives (N, 2, 6) by a small motion, rotation before shift, of what depends on `points` (N, 3) with the
+    derivatives `by_point` (N, 2, 3)."""
+    out = np.empty((len(points), 2, 6))
+    x, y, z = points.T[:, :, None]
+    a, b, c = np.moveaxis(by_point, 2, 0)
+    out[:, :, 0], out[:, :, 1], out[:, :, 2] = y * c - z * b, z * a - x * c, x * b - y * a
+    out[:, :, 3:] = by_point
     return out
 
 

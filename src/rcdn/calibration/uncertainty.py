@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rcdn.calibration.bundle import Corners3, State
+from rcdn.calibration.bundle import Corners3, State, by_motion
 from rcdn.calibration.solver import Arrow, Linear, without_pose
 from rcdn.errors import RcdnError
-from rcdn.geometry import cross_matrix, project_with_jacobian, unproject
+from rcdn.geometry import project_with_jacobian, unproject
 from rcdn.geometry.rigid import unit
 from rcdn.types import Array, Calibration, Camera
 from rcdn.types.arrays import Real
@@ -195,7 +195,9 @@ def pixel_jacobians(camera: Camera, points: Real[Array, "n 3"], distance: float 
     `camera.parameters` (N, 2, P), and to a small motion of what they belong to (N, 2, 6), rotation before shift;
     `distance` m that one unit of the points stands for, infinite for directions."""
     _, by_point, by_camera = project_with_jacobian(camera, points)
-    return by_point, by_camera, np.concatenate([-by_point @ cross_matrix(points), by_point / distance], axis=2)
+    moved = by_motion(by_point, points)
+    moved[:, :, 3:] /= distance
+    return by_point, by_camera, moved
 
 
 def unrotated_jacobian(camera: Camera, pixels: Real[Array, "n 2"]) -> tuple[Array, Array]:
