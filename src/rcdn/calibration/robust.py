@@ -16,6 +16,7 @@ from rcdn.calibration.start import poses as poses_of
 from rcdn.calibration.uncertainty import JACKKNIFE, Clustered, clustered
 from rcdn.errors import two_digits
 from rcdn.geometry import rotation
+from rcdn.geometry.median import median
 from rcdn.types import Array
 from rcdn.types.arrays import Real
 
@@ -128,7 +129,7 @@ def _medians(gaps: Real[Array, "n 2"], frame: Array, frames: int) -> Real[Array,
     """(F,) median length of each frame's `gaps` (N, 2), px; infinite where the camera cannot see most corners, 0
     without corners."""
     far = np.nan_to_num(np.linalg.norm(gaps, axis=1), nan=np.inf)
-    return np.array([np.median(far[rows]) if len(rows) else 0.0 for rows in _rows(frame, frames)])
+    return np.array([median(far[rows]) if len(rows) else 0.0 for rows in _rows(frame, frames)])
 
 
 def _rows(frame: Array, frames: int) -> list[Array]:
@@ -223,7 +224,7 @@ def _agreeing(gaps: Array, frame: Array, noise: float, sigma: Array, frames: int
     far = np.nan_to_num(np.linalg.norm(gaps, axis=1), nan=np.inf)
     px = _medians(gaps, frame, frames)
     rows = _rows(frame, frames)
-    stated = np.array([np.median(sigma[mine]) if len(mine) else 0.0 for mine in rows])
+    stated = np.array([median(sigma[mine]) if len(mine) else 0.0 for mine in rows])
     beyond = np.sqrt(np.maximum(np.minimum(px, BEHIND) ** 2 / MEDIAN - stated**2, 0.0))
     own = np.clip(beyond, noise, CROOKED * noise)
     good = far * _weights(own[frame], sigma) < GATE
@@ -233,7 +234,7 @@ def _agreeing(gaps: Array, frame: Array, noise: float, sigma: Array, frames: int
         share = 1 - float(good[mine].mean()) if len(mine) else 1.0
         if not np.isfinite(px[f]):
             reasons[f] = "no pose fits its corners"
-        elif len(mine) and np.median(miss[mine]) > CROOKED * np.sqrt(MEDIAN):
+        elif len(mine) and median(miss[mine]) > CROOKED * np.sqrt(MEDIAN):
             others = np.median(np.delete(px, f)) if frames > 1 else 0.0
             reasons[f] = (
                 f"its corners lie {two_digits(px[f])} px from where this camera would see them, "
