@@ -105,6 +105,15 @@ def test_what_limits_left_out_is_told_before_a_calibration(home, capfd):
     assert capfd.readouterr().err == "warning: much.png: too many; far too many\n"
 
 
+def test_warnings_of_which_the_caller_speaks_are_kept_but_not_printed(home, capsys):
+    picture(Path("much.png"), missing=LIMITED)
+    got = gather("much.png", silent="far too")
+    assert got.images[0].warnings == LIMIT == ("too many", "far too many")
+    assert capsys.readouterr().err == "warning: much.png: too many\n"
+    gather("much.png", silent="")
+    assert capsys.readouterr().err == "warning: much.png: too many; far too many\n"
+
+
 # ---- processes
 
 

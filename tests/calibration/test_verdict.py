@@ -14,6 +14,7 @@ from rcdn.calibration.limits import LIMITS, STEREO_LIMITS, growth, reason
 from rcdn.calibration.verdict import fails, headline, judge, verdict_of
 from rcdn.calibration.view_checks import THIRDS
 from rcdn.calibration.view_facts import places, tilts
+from rcdn.errors import two_digits
 from rcdn.types import LEVELS, BoardShape, Camera, ModelScore, Reason, Verdict
 from rcdn_lab import bad_cases
 from rcdn_lab.camera_scenes import CAMERAS, SPACING, random_boards
@@ -38,6 +39,7 @@ def test_a_good_calibration_is_good(good):
     assert good.verdict == judge(good)
     assert good.verdict.against == judged(good).advice == good.advice == ()
     assert headline(good.verdict) == "Good: use this camera."
+    assert headline(good.verdict, several=True) == "Good: use these cameras."
 
 
 def with_model(good, ratio):
@@ -257,6 +259,13 @@ def test_the_verdict_is_its_gravest_reason():
     assert [r.key for r in verdict.reasons] == ["1", "3", "2", "0"]
     assert headline(verdict) == "Unsure: 1. Do."
     assert headline(verdict_of(reasons[2:3])) == "Fair: usable with care. 2. Do."
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(0.1234, "0.12"), (5.7, "5.7"), (99.4, "99"), (99.6, "100"), (202.8, "203"), (5105.3, "5105")]
+)
+def test_uncertainties_have_two_digits_or_all_before_the_point(value, text):
+    assert two_digits(value) == text
 
 
 def test_fails_counts_from_the_level_on():
