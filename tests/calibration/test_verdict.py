@@ -84,7 +84,7 @@ WEAK = {
     "near-duplicates": (lambda c: in_thirds(c, 5), "views", "unsure", "only 4 different places"),
     "loose focal length": (lambda c: with_cov(c, 0, 7.8), "focal", "fair", "only to ±1.5%"),
     "no focal length": (lambda c: with_cov(c, 0, 100.0), "focal", "bad", "only to ±"),
-    "loose centre": (lambda c: with_cov(c, 2, 25.0), "centre", "unsure", "only to ±25.0 px"),
+    "loose centre": (lambda c: with_cov(c, 2, 25.0), "centre", "unsure", "only to ±25 px"),
     "worse in new pictures": (lambda c: with_model(c, 1.5), "held_out", "fair", "1.5 times worse"),
     "much worse in new ones": (lambda c: with_model(c, 4.0), "held_out", "bad", "4.0 times worse"),
     "nothing held out": (lambda c: with_model(c, np.nan), "held_out", "fair", "Too few pictures"),
