@@ -323,6 +323,11 @@ def test_poses_of_another_picture_size_or_no_board(run, found):
     result = run("pose", save("d.json", small), "--camera", "camera.yaml", "--spacing", SPACING)
     assert result.exit_code == 1
     assert "320×240" in result.stderr
+    assert "no board was found" not in result.stderr
+    Path("empty.png").write_bytes(b"")
+    result = run("pose", "empty.png", "--camera", "camera.yaml", "--spacing", SPACING)
+    assert result.exit_code == 1
+    assert len(result.stderr.splitlines()) == 1
     result = run("pose", found, "--camera", "camera.yaml", "--spacing", SPACING, "--board", "5x4")
     assert result.exit_code == 1
     assert "no pose" in result.stderr

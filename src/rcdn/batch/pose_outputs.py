@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json as json_module
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -14,19 +14,28 @@ from rcdn.terminal import console
 from rcdn.terminal.group import FAILED, print_error
 from rcdn.terminal.spacing import Length, Lengths, metres
 
+if TYPE_CHECKING:
+    from rcdn.batch.inputs import Gathered
+
 Solve = Callable[[], tuple[str, dict[str, Any]]]
 """the line and the record of one pose; raises RcdnError if there is none"""
 
 
 def tell_poses(
-    poses: Iterable[tuple[str, Solve]], key: str, length: Length | Lengths, json: Path | None, failed: bool
+    poses: Iterable[tuple[str, Solve]],
+    key: str,
+    length: Length | Lengths,
+    json: Path | None,
+    read: Sequence[Gathered],
 ) -> None:
     """Print the lines of the `poses`, each solved at its turn and named by its picture or moment, and write their
-    records as the list `key` of `json`. Raises typer.Exit if one `failed`, now or before, or if there is none."""
+    records as the list `key` of `json`. Raises typer.Exit if one failed, now or when the inputs were `read`, or if
+    there is none."""
     from rcdn.io import write_text
 
-    records = []
+    records, tried, failed = [], 0, any(got.failures for got in read)
     for name, solve in poses:
+        tried += 1
         try:
             line, record = solve()
         except RcdnError as error:
@@ -35,7 +44,7 @@ def tell_poses(
             continue
         console.print_line(line)
         records.append(record)
-    if not records:
+    if not tried and any(got.images for got in read):
         print_error("no pose: no board was found in the pictures; see what `rcdn detect PICTURES --overlay DIR` draws")
     if json is not None:
         lines = ",\n".join(json_module.dumps(r) for r in records)

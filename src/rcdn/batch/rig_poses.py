@@ -73,7 +73,7 @@ def rig_poses(
         return _line(moment, done), _record(moment, done)
 
     wanted = ((moment, partial(solved, moment, boards)) for moment, boards in _moments(found, settings.size).items())
-    tell_poses(wanted, "rig_poses", length, json, any(got.failures for got in found.values()))
+    tell_poses(wanted, "rig_poses", length, json, [*found.values()])
 
 
 def _named(rig: Rig, cameras: Mapping[str, list[str]], path: Path) -> dict[str, list[str]]:
