@@ -193,24 +193,23 @@ class Linear:
 
 
 def _whitened(gaps: Array, by_frame: Array, shared: Array, weight: Array, loss: str) -> tuple[Array, Array, Array]:
-    """Residuals and Jacobians times the corners' weights, zero for corners that a camera cannot see."""
+    """Residuals and Jacobians times the corners' weights, zero for corners that a camera cannot see. The Jacobians are
+    changed in place."""
     gaps = gaps * weight[:, None]
     blind = ~(np.abs(gaps) < FARTHEST).all(axis=1)
     firm = np.where(blind, 0.0, weight)
+    calm = np.ones(1)
     if loss == "soft_l1":
         calm = (1 + (np.nan_to_num(gaps) / SCALE) ** 2) ** -0.25
-        by_frame, shared = by_frame * calm[:, :, None], shared * calm[:, :, None]
         gaps = gaps * calm
     gaps[blind] = 0.0
-    return gaps, _times(by_frame, firm), _times(shared, firm)
-
-
-def _times(jacobian: Real[Array, "n 2 k"], weight: Real[Array, " n"]) -> Array:
-    """`jacobian` times the corners' `weight`; zero, and not NaN, where that is zero."""
-    with np.errstate(invalid="ignore"):
-        out = jacobian * weight[:, None, None]
-    out[weight == 0] = 0.0
-    return out if np.isfinite(out.sum()) else np.nan_to_num(out)
+    for jacobian in (by_frame, shared):
+        with np.errstate(invalid="ignore"):
+            jacobian *= (firm[:, None] * calm)[:, :, None]
+        jacobian[firm == 0] = 0.0
+        if not np.isfinite(jacobian.sum()):
+            np.nan_to_num(jacobian, copy=False)
+    return gaps, by_frame, shared
 
 
 FEW_CAMERAS = 2
