@@ -188,7 +188,7 @@ def _placed(state: State, corners: Corners3) -> tuple[Array, Array, Array]:
     camera that saw each."""
     board = on_first_board(state, corners)
     first = _moved(state.poses, corners.frame, board)
-    return board, first, first if len(state.cameras) == 1 else _moved(state.rig, corners.camera, first)
+    return board, first, first if (state.rig == np.eye(4)).all() else _moved(state.rig, corners.camera, first)
 
 
 def _moved(T: Real[Array, "f 4 4"], number: Real[Array, " n"], points: Real[Array, "n 3"]) -> Real[Array, "n 3"]:
@@ -231,7 +231,8 @@ def linearise_one(state: State, corners: Corners3, camera: int) -> tuple[Array, 
     """As `linearise`, for corners of one camera: with respect to its `parameters_of` only."""
     board, first, points = _placed(state, corners)
     xy, by_point, by_lens = project_with_jacobian(state.cameras[camera], points)
-    in_first = by_point @ state.rig[camera, :3, :3] if camera else by_point
+    R = state.rig[camera, :3, :3]
+    in_first = by_point if (np.eye(3) == R).all() else by_point @ R
     part = corners.part if len(state.boards) > 1 else None
     parts = [by_lens]
     if camera:
