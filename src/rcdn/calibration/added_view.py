@@ -131,7 +131,7 @@ def variances(
     told = root @ rows.T - (root @ moved.transpose(0, 2, 1)) @ flat.T
     lower = np.linalg.cholesky(np.eye(root.shape[1]) + root @ root.transpose(0, 2, 1))
     square -= (np.linalg.solve(lower, told) ** 2).sum(axis=1)
-    return np.asarray(square.reshape(-1, many, 2).mean(axis=2))
+    return np.asarray(np.maximum(square, 0.0).reshape(-1, many, 2).mean(axis=2))
 
 
 @dataclass(frozen=True, eq=False)

@@ -172,7 +172,7 @@ def on_first_board(state: State, corners: Corners3) -> Real[Array, "n 3"]:
     board = np.column_stack([corners.board, np.zeros(len(corners))]) + shape
     if corners.part is None or len(state.boards) == 1:
         return np.asarray(board)
-    return _moved(state.boards, corners.part, board)
+    return _transformed(state.boards, corners.part, board)
 
 
 def middles(state: State, corners: Corners3) -> Real[Array, "f 3"]:
@@ -187,11 +187,11 @@ def _placed(state: State, corners: Corners3) -> tuple[Array, Array, Array]:
     """(N, 3) the corners in the coordinates of the first board, in those of the first camera, and in those of the
     camera that saw each."""
     board = on_first_board(state, corners)
-    first = _moved(state.poses, corners.frame, board)
-    return board, first, first if (state.rig == np.eye(4)).all() else _moved(state.rig, corners.camera, first)
+    first = _transformed(state.poses, corners.frame, board)
+    return board, first, first if (state.rig == np.eye(4)).all() else _transformed(state.rig, corners.camera, first)
 
 
-def _moved(T: Real[Array, "f 4 4"], number: Real[Array, " n"], points: Real[Array, "n 3"]) -> Real[Array, "n 3"]:
+def _transformed(T: Real[Array, "f 4 4"], number: Real[Array, " n"], points: Real[Array, "n 3"]) -> Real[Array, "n 3"]:
     """`points` (N, 3) after the rigid motion `number` (N,) among `T`."""
     x, y, z = points.T[:, :, None]
     columns = T[:, :3].transpose(2, 0, 1)
