@@ -78,9 +78,11 @@ def on_loopback(session, cameras=1, source=None):
     thread.start()
     while not server.started:
         time.sleep(0.01)
-    yield Client(port)
-    server.should_exit = True
-    thread.join(10)
+    try:
+        yield Client(port)
+    finally:
+        server.should_exit = True
+        thread.join(10)
     assert not thread.is_alive()
 
 
@@ -255,6 +257,33 @@ def test_a_page_that_comes_later_takes_over(client):
         with client.socket() as second:
             assert json.loads(second.recv(timeout=10))["type"] == "state"
             assert ended(first) == 4001
+
+
+def test_a_page_is_taken_over_that_went_while_its_frame_was_looked_at(session, client, caplog, monkeypatch):
+    """As by a reload: the old page is gone, and the server is still busy with its frame when the new one comes."""
+    looking, go_on, see = threading.Event(), threading.Event(), session.see
+
+    def slow(greys, times):
+        looking.set()
+        go_on.wait(20)
+        return see(greys, times)
+
+    monkeypatch.setattr(session, "see", slow)
+    data = cv2.imencode(".jpg", np.zeros((480, 640), np.uint8))[1].tobytes()
+    with client.socket() as first:
+        first.recv(timeout=10)
+        first.send(HEADER.pack(1, 0.0) + data)
+        assert looking.wait(10)
+    try:
+        with client.socket() as second:
+            assert json.loads(second.recv(timeout=10))["type"] == "state"
+            go_on.set()
+            second.send(HEADER.pack(2, 0.1) + data)
+            while json.loads(second.recv(timeout=10)).get("n") != 2:
+                pass
+    finally:
+        go_on.set()
+    assert caplog.records == []
 
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "::", ""])

@@ -270,9 +270,9 @@ class _Page:
                 await self._socket.send_text(json.dumps(message, allow_nan=False))
 
     async def end(self, code: int) -> None:
-        """Close the connection, if it is open."""
+        """Close the connection, if it is open; the other side may be gone already."""
         if self._socket.application_state is WebSocketState.CONNECTED:
-            with suppress(RuntimeError, OSError):
+            with suppress(RuntimeError, OSError, WebSocketDisconnect):
                 await self._socket.close(code)
 
 
