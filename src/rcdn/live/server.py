@@ -40,6 +40,8 @@ TYPES = {
 }
 REPLACED, REFUSED = 4001, 1008
 """close codes of a connection: another page took over; an invalid message was received"""
+GONE = (RuntimeError, OSError, WebSocketDisconnect)
+"""what sending to a page that is gone, or closing its connection, may raise"""
 BOARD = Printed(Checkerboard(9, 6), 0.025)
 """the board offered for printing"""
 AHEAD = 2
@@ -135,12 +137,12 @@ class Server:
         await socket.accept()
         page, before = _Page(socket), self._page
         self._page = page
-        if before is not None:
-            await before.end(REPLACED)
         writer = asyncio.create_task(page.write())
-        self._changed()
         code = REFUSED
         try:
+            if before is not None:
+                await before.end(REPLACED)
+            self._changed()
             while page is self._page:
                 await self._answer(page, await socket.receive())
         except WebSocketDisconnect:
@@ -259,7 +261,7 @@ class _Page:
 
     async def write(self) -> None:
         """Send the queued messages until the connection ends."""
-        with suppress(RuntimeError, WebSocketDisconnect, OSError):
+        with suppress(*GONE):
             while True:
                 message = await self._queue.get()
                 if isinstance(message, bytes):
@@ -272,7 +274,7 @@ class _Page:
     async def end(self, code: int) -> None:
         """Close the connection, if it is open; the other side may be gone already."""
         if self._socket.application_state is WebSocketState.CONNECTED:
-            with suppress(RuntimeError, OSError, WebSocketDisconnect):
+            with suppress(*GONE):
                 await self._socket.close(code)
 
 
