@@ -8,7 +8,7 @@ import pytest
 from rcdn.calibration import calibrate, estimate_pose
 from rcdn.calibration.bundle import State, lens_prior
 from rcdn.calibration.plain_lens import plain_fit
-from rcdn.calibration.smooth_lens import HELD, Bending, with_correction
+from rcdn.calibration.smooth_lens import Bending, with_correction
 from rcdn.io import lens_fit
 from rcdn_lab.camera_scenes import CAMERAS, SPACING, board, random_boards
 
@@ -86,7 +86,7 @@ def test_flat_corrections_cost_and_bent_ones_of_the_typical_size_cost_one():
     flat = np.zeros((rows, columns, 2))
     flat[:, :, 0] = np.arange(columns) - (columns - 1) / 2
     flat /= np.linalg.norm(flat)
-    assert flat.ravel() @ bending.energy @ flat.ravel() == pytest.approx(HELD, rel=1e-3)
+    assert flat.ravel() @ bending.energy @ flat.ravel() > 1e6
     assert bending.many == 2 * rows * columns - 6
     assert np.linalg.eigvalsh(bending.energy).min() > 0
     assert len(lens_prior(with_correction(state)).mean) == len(camera.parameters)

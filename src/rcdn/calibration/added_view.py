@@ -125,7 +125,8 @@ def variances(
     own = (n**2 * prior.own + more.own) / (n + 1) ** 2
     rows = (by_camera.reshape(2 * many, -1) - flat @ (n / (n + 1) * prior.reach)) @ prior.root
     moved, root = more.reach @ (prior.root / (n + 1)), more.root @ prior.root
-    # a view's Jacobian is rows − flat moved; less than its square is what the view tells (Woodbury's identity)
+    # variance of the projections with the Jacobian rows − flat moved, less what the view's corners tell of it
+    # (Woodbury's identity)
     square = (rows**2).sum(axis=1) - 2 * ((rows @ moved.transpose(0, 2, 1)) * flat).sum(axis=2)
     square += ((flat @ (own + moved @ moved.transpose(0, 2, 1))) * flat).sum(axis=2)
     told = root @ rows.T - (root @ moved.transpose(0, 2, 1)) @ flat.T

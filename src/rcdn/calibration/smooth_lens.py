@@ -26,7 +26,7 @@ FIRST = 0.5
 """px: initial size of the correction"""
 FLAT = 1e-9
 """share of the largest eigenvalue of the bending energy, below which a mode has no bending"""
-HELD = 1e6
+HELD = 1e7
 """× the stiffness: that of modes without bending"""
 
 
