@@ -110,6 +110,34 @@ def test_a_rig_in_step_is_left_as_it_is():
     assert not [r for r in one.verdict.against if r.key == "time_shift"]
 
 
+@pytest.fixture(scope="module")
+def frames_apart():
+    """One camera that is seven frames and a part late, and one that is five early."""
+    return solved({"c0": 0.0, "c1": 7.4, "c2": -5.0, "c3": 0.0}, correct=True)
+
+
+def test_cameras_that_are_frames_out_of_step_are_brought_into_step(frames_apart):
+    assert frames_apart.components == (("c0", "c1", "c2", "c3"),)
+    assert frames_apart.corrected == ("c1", "c2")
+    for name, late in {"c0": 0.0, "c1": 7.4, "c2": -5.0, "c3": 0.0}.items():
+        shift = frames_apart.shifts[name]
+        assert shift.moments == pytest.approx(late, abs=max(4 * shift.std, 0.01))
+        assert shift.std < 0.02
+    assert frames_apart.rms == pytest.approx(0.1 * np.sqrt(2), rel=0.15)
+    off, std = errors(frames_apart)
+    assert np.abs(off[:, 3:]).max() < 0.001
+    assert np.abs(off / std).max() < 4
+
+
+def test_frames_out_of_step_are_told_without_being_asked():
+    found = solved({"c0": 0.0, "c1": 3.0, "c2": 0.0, "c3": 0.0}, correct=False)
+    assert found.components == (("c0", "c1", "c2", "c3"),)
+    assert found.corrected == ()
+    assert found.shifts["c1"].moments == pytest.approx(3, abs=0.01)
+    (reason,) = [r for r in found.verdict.against if r.key == "time_shift"]
+    assert "c1 is +3.0" in reason.sentence
+
+
 def test_times_are_the_numbers_of_frames_or_the_order_of_names():
     assert times_of(["#12", "#7"]) == {"#12": 12, "#7": 7}
     assert times_of(["a", "c", "b"]) == {"a": 0, "b": 1, "c": 2}

@@ -12,18 +12,19 @@ from rcdn.batch.calibration_runs import Problem, Run, flat, pictures_of
 from rcdn.batch.camera_files import rig_refusal, write_rig_files
 from rcdn.batch.known_cameras import known_cameras
 from rcdn.batch.moments import cameras_in, moments_of
-from rcdn.errors import many
+from rcdn.batch.pairs import stems
+from rcdn.batch.rig_lags import lags_of_videos
+from rcdn.errors import CalibrationError, many
 from rcdn.terminal import console
 from rcdn.terminal.spacing import metres
 
 if TYPE_CHECKING:
     from rcdn.batch.inputs import Gathered, Numbers
-    from rcdn.types import Array, FixedBoard, Reason, RigCalibration, Verdict
+    from rcdn.types import Array, Camera, FixedBoard, Reason, RigCalibration, Verdict
 
 
 def many_cameras(run: Run, inputs: Sequence[str], problem: Problem, outputs: Outputs) -> Verdict | None:
     """Calibrate the cameras of `inputs`, print a summary, and write the outputs."""
-    from rcdn.calibration import calibrate_rig
     from rcdn.io import write_rig_calibration
     from rcdn.report.calibration import write_rig_report
     from rcdn.terminal.camera_text import verdict_line
@@ -33,26 +34,7 @@ def many_cameras(run: Run, inputs: Sequence[str], problem: Problem, outputs: Out
     outputs = outputs.without_refused(
         lambda path: rig_refusal(path, outputs.format, list(cameras), problem.model, known)
     )
-    found = _gathered(run, cameras, problem)
-    keys, way = moments_of([[image.path for image in got.images] for got in found.values()])
-    if way != "name":
-        console.note(f"note: pictures belong together by {way}")
-    moments = {
-        name: [k for k, image in zip(each, got.images, strict=True) for _ in image.boards]
-        for (name, got), each in zip(found.items(), keys, strict=True)
-    }
-    sets = {name: flat(got.images) for name, got in found.items()}
-    done = calibrate_rig(
-        {n: boards for n, (boards, _) in sets.items()},
-        metres(problem.spacing),
-        moments=moments,
-        names={n: pictures for n, (_, pictures) in sets.items()},
-        model=problem.model,
-        size=run.size,
-        cameras=known,
-        correct_time=problem.correct_time,
-        fixed_boards=problem.fixed_boards,
-    )
+    found, done = solved(run, cameras, problem, known)
     for line in [*verdict_line(done.verdict, several=True), *rig_lines(done)]:
         console.print_line(line)
     kept = outputs.kept(*(done.cameras[name] for name in done.rig.names if name not in known))
@@ -65,6 +47,74 @@ def many_cameras(run: Run, inputs: Sequence[str], problem: Problem, outputs: Out
         ),
     )
     return done.verdict
+
+
+def solved(
+    run: Run, cameras: Mapping[str, Sequence[str]], problem: Problem, known: Mapping[str, Camera]
+) -> tuple[dict[str, Gathered], RigCalibration]:
+    """The detections of each camera, and the rig. Where time is to be corrected and not all cameras agree, other frames
+    of their videos are used: those that fit to how late each one is."""
+    found = _gathered(run, cameras, problem)
+    try:
+        done = _calibrated(run, found, problem, known)
+    except CalibrationError:
+        if not (again := _in_step(run, cameras, found, problem, known)):
+            raise
+        return again, _calibrated(run, again, problem, known)
+    if len(done.components) > 1 and (again := _in_step(run, cameras, found, problem, known)):
+        return again, _calibrated(run, again, problem, known)
+    return found, done
+
+
+def _calibrated(
+    run: Run, found: Mapping[str, Gathered], problem: Problem, known: Mapping[str, Camera]
+) -> RigCalibration:
+    from rcdn.calibration import calibrate_rig
+
+    pictures = [[image.path for image in got.images] for got in found.values()]
+    videos = all(len(got.frames) == 1 and len(got.frames[0]) == len(got.images) for got in found.values())
+    keys, way = ([stems(names, 0) for names in pictures], "name") if videos else moments_of(pictures)
+    if way != "name":
+        console.note(f"note: pictures belong together by {way}")
+    moments = {
+        name: [k for k, image in zip(each, got.images, strict=True) for _ in image.boards]
+        for (name, got), each in zip(found.items(), keys, strict=True)
+    }
+    sets = {name: flat(got.images) for name, got in found.items()}
+    return calibrate_rig(
+        {n: boards for n, (boards, _) in sets.items()},
+        metres(problem.spacing),
+        moments=moments,
+        names={n: pictures for n, (_, pictures) in sets.items()},
+        model=problem.model,
+        size=run.size,
+        cameras=known,
+        correct_time=problem.correct_time,
+        fixed_boards=problem.fixed_boards,
+    )
+
+
+def _in_step(
+    run: Run,
+    cameras: Mapping[str, Sequence[str]],
+    found: Mapping[str, Gathered],
+    problem: Problem,
+    known: Mapping[str, Camera],
+) -> dict[str, Gathered] | None:
+    """The detections of each camera in the frames of its video that show what the others show in those that were
+    chosen; None if that is not asked for, or how late the videos are isn't known."""
+    from rcdn.types.limits import READ_IN_A_MIRROR
+
+    lags = lags_of_videos(run, cameras, found, problem, known) if problem.correct_time else {}
+    if not lags:
+        return None
+    moments = {n + late for name, late in lags.items() for n in found[name].frames[0]}
+    moments = {m + by for m in moments for by in (-1, 0, 1)}
+    out = {}
+    for name, inputs in cameras.items():
+        frames = tuple(sorted(m - lags.get(name, 0) for m in moments if m >= lags.get(name, 0)))
+        out[name] = seen_from_behind(run, name, inputs, run.gather(inputs, (frames,), silent=READ_IN_A_MIRROR))
+    return out
 
 
 def _gathered(run: Run, cameras: Mapping[str, Sequence[str]], problem: Problem) -> dict[str, Gathered]:
@@ -102,6 +152,8 @@ def _with_neighbours(frames: Numbers) -> Numbers:
 def rig_lines(done: RigCalibration) -> list[str]:
     """The summary of a rig: camera positions with standard deviations, pairs of cameras, and the reasons against the
     result."""
+    from rcdn.calibration.rig_facts import lateness
+
     rig, lines = done.rig, []
     lines.append(
         f"rig of {len(rig)} cameras: rms {done.rms:.3g} px, {many(len(done.boards), 'board')}; frame of {rig.names[0]}"
@@ -115,7 +167,7 @@ def rig_lines(done: RigCalibration) -> list[str]:
             f"  {pair.first} – {pair.second}: {pair.used} of {pair.shared} shared boards, rms {pair.rms:.3g} px"
         )
     lines += [
-        f"  {name}: brought into step, {done.shifts[name].moments:+.3f} ± {done.shifts[name].std:.3f} of a frame late"
+        f"  {name}: brought into step, {lateness(done.shifts[name])} late"
         for name in done.corrected
         if done.shifts is not None
     ]

@@ -15,15 +15,16 @@ from rcdn.calibration.arguments import check_boards
 from rcdn.calibration.board_points import plane_of
 from rcdn.calibration.calibrate import check_arguments, names_of, with_geometries
 from rcdn.calibration.coded import Geometries, Spacing
-from rcdn.calibration.fixed_boards import FixedBoards, in_sets, placed_boards
-from rcdn.calibration.joint_pairs import JointPairs
+from rcdn.calibration.fixed_boards import in_sets
 from rcdn.calibration.joint_views import rms_of, solved_camera, solved_view
 from rcdn.calibration.known_lens import with_known_lens
 from rcdn.calibration.labels import Size
+from rcdn.calibration.lags import lags_of, late_moments
 from rcdn.calibration.rig_facts import judged_rig, links_of, pairs_of
 from rcdn.calibration.rig_fit import fitted
+from rcdn.calibration.rig_graph import RigGraph, sights_of
 from rcdn.calibration.rig_held_out import held_out_epipolar
-from rcdn.calibration.rig_start import Edge, Key, components_of, edges_of
+from rcdn.calibration.rig_start import Key
 from rcdn.calibration.rig_task import RigTask
 from rcdn.calibration.shape import board_shape
 from rcdn.calibration.time_shift import InStep, by_name, in_step, times_of
@@ -88,40 +89,25 @@ def calibrate_rig(
     ]
     alone = [as_model(c, lens) for c, lens in enumerate(lenses)]
     unnamed = [c for c, lens in enumerate(lenses) if lens == "auto"]
-    alone = _of_one_make(
-        alone, unnamed, as_model, [_sights(c, when[name]) for name, c in zip(order, alone, strict=True)]
-    )
-    sights = [_sights(c, when[name]) for name, c in zip(order, alone, strict=True)]
-    pairs = JointPairs(alone, sights, [name in given for name in order])
-    edges = pairs.connected(edges_of(alone, sights))
-    fixed = _fixed(fixed_boards, alone, sights, edges)
-    edges = [*edges, *fixed.edges]
-    parts = components_of(len(order), edges)
-    main = parts[0]
+    alone = _of_one_make(alone, unnamed, as_model, sights_of(alone, when))
+    known = [name in given for name in order]
+    graph, time = RigGraph.of(alone, when, known, fixed_boards), times_of(m for each in when for m in each)
+    lags = lags_of(alone, graph.sights, time, graph.parts)
+    if lags:
+        when, time = late_moments(when, time, lags)
+        graph = RigGraph.of(alone, when, known, fixed_boards)
+    main = graph.parts[0]
     if len(main) < 2:
-        raise CalibrationError(
-            "no two cameras agree on where they stand: "
-            + _why(order, sights)
-            + "; were the pictures taken at the same moments, and do their names or numbers say which belong together?"
-            + (f" And are the lenses given for {', '.join(given)} theirs?" if given else "")
-        )
-    edges, places, fits = pairs.placed(main, edges)
-    fixed = fixed.only({key[1] for key in fits.boards})
-    fits = in_sets(fits, fixed, places, sights)
-    held = [order[c] in given for c in main]
-    task = RigTask.of(main, alone, sights, fits, [when[name] for name in order], held, fixed)
+        raise CalibrationError(_why(order, graph, list(given)))
+    edges, places, fits = graph.pairs.placed(main, graph.edges)
+    graph = replace(graph, edges=edges, fixed=graph.fixed.only({key[1] for key in fits.boards}))
+    fits = in_sets(fits, graph.fixed, places, graph.sights)
+    task = RigTask.of(main, alone, graph.sights, fits, when, [known[c] for c in main], graph.fixed)
     state = task.start(alone, places)
     spaced = alone[task.shape].spacing
     fit = fitted(task.joint, state, shaped=alone[task.shape].shape is not None, spacing=spaced)
-    time = times_of(m for name in order for m in when[name])
-    done = in_step(task, fit, time, correct_time, spaced)
-    return _result(task, done, order, alone, parts, edges, when, sights, tuple(n for n in order if n in given))
-
-
-def _fixed(
-    fixed: bool, alone: Sequence[Calibration], sights: Sequence[Mapping[Key, int]], edges: Sequence[Edge]
-) -> FixedBoards:
-    return placed_boards(alone, sights, edges) if fixed else FixedBoards()
+    step = in_step(task, fit, time, correct_time, spaced, [lags.get(c, 0) for c in main])
+    return _result(task, step, order, alone, graph, tuple(n for n in order if n in given))
 
 
 def _checked(name: str, boards: Sequence[Board]) -> Sequence[Board]:
@@ -139,13 +125,14 @@ def _given(order: Sequence[str], cameras: Mapping[str, Camera] | None) -> dict[s
     return dict(cameras or {})
 
 
-def _moments(views: Mapping[str, Sequence[Board]], moments: Mapping[str, Sequence[str]] | None) -> dict[str, list[str]]:
+def _moments(views: Mapping[str, Sequence[Board]], moments: Mapping[str, Sequence[str]] | None) -> list[list[str]]:
+    """For each camera, the moment of each of its boards."""
     if moments is None:
-        return {name: [str(k) for k in range(len(boards))] for name, boards in views.items()}
+        return [[str(k) for k in range(len(boards))] for boards in views.values()]
     for name, boards in views.items():
         if name not in moments or len(moments[name]) != len(boards):
             raise ConfigError(f"moments[{name!r}] must have one entry a board: {len(boards)}")
-    return {name: [str(m) for m in moments[name]] for name in views}
+    return [[str(m) for m in moments[name]] for name in views]
 
 
 def _alone(
@@ -186,35 +173,13 @@ def _one_as(both: tuple[int, int], as_model: Callable[[int, str], Calibration], 
     return as_model(both[side], lens)
 
 
-def _why(order: Sequence[str], sights: Sequence[Mapping[Key, int]]) -> str:
-    shared = {
-        (order[a], order[b]): len(sights[a].keys() & sights[b].keys())
-        for a in range(len(order))
-        for b in range(a + 1, len(order))
-    }
-    (first, second), most = max(shared.items(), key=lambda item: item[1])
-    return f"{first} and {second} share most whole boards, {most}"
-
-
-def _sights(calibration: Calibration, when: Sequence[str]) -> dict[Key, int]:
-    """The view of each board with settled labels that was not left out; of several plain boards of one moment, the
-    largest."""
-    numbers: dict[str, int] = {}
-    out: dict[Key, int] = {}
-    for k, view in enumerate(calibration.views):
-        if not view.settled or view.reason or view.pose is None:
-            continue
-        key = (when[k], _number(view.target, numbers))
-        if key not in out or len(view) > len(calibration.views[out[key]]):
-            out[key] = k
-    return out
-
-
-def _number(target: object, numbers: dict[str, int]) -> int:
-    """A number that identifies a target in all cameras."""
-    import zlib
-
-    return 0 if target is None else 1 + zlib.crc32(repr(target).encode())
+def _why(order: Sequence[str], graph: RigGraph, given: Sequence[str]) -> str:
+    a, b, most = graph.most_shared()
+    return (
+        f"no two cameras agree on where they stand: {order[a]} and {order[b]} share most whole boards, {most}; "
+        "were the pictures taken at the same moments, and do their names or numbers say which belong together?"
+        + (f" And are the lenses given for {', '.join(given)} theirs?" if given else "")
+    )
 
 
 def _result(
@@ -222,10 +187,7 @@ def _result(
     step: InStep,
     order: list[str],
     alone: list[Calibration],
-    parts: list[list[int]],
-    edges: Sequence[Edge],
-    when: Mapping[str, Sequence[str]],
-    sights: Sequence[Mapping[Key, int]],
+    graph: RigGraph,
     given: tuple[str, ...],
 ) -> RigCalibration:
     main, fit = task.cameras, step.fit
@@ -249,10 +211,10 @@ def _result(
         cameras=dict(zip(order, done, strict=True)),
         boards=boards,
         rms=rms_of(fit),
-        pairs=pairs_of(order, done, sights, _epipolar(task, step, names)),
-        components=tuple(tuple(order[c] for c in part) for part in parts),
-        links=links_of(order, done, parts, when),
-        thin=tuple(order[c] for c in main if len(_shared(c, edges)) == 1),
+        pairs=pairs_of(order, done, graph.sights, _epipolar(task, step, names)),
+        components=tuple(tuple(order[c] for c in part) for part in graph.parts),
+        links=links_of(order, done, graph.parts, graph.when),
+        thin=tuple(order[c] for c in main if len(graph.shared(c)) == 1),
         shifts=by_name(step.shifts, names),
         corrected=tuple(names[c] for c in step.late),
         given=given,
@@ -292,11 +254,6 @@ def _shape(fit: robust.Fit, shaped: Calibration) -> BoardShape | None:
     if not len(fit.state.shape) or shaped.size is None:
         return None
     return board_shape(fit.state.shape, shaped.size, plane_of(shaped))
-
-
-def _shared(camera: int, edges: Sequence[Edge]) -> set[Key]:
-    """The boards that a camera saw together with others that agree with it."""
-    return {key for e in edges if camera in (e.a, e.b) for key in e.keys}
 
 
 def _to_camera(rig: Rig, local: int, lenses: Array, size: int) -> Array:

@@ -65,7 +65,7 @@ def links_of(
     order: Sequence[str],
     cameras: Sequence[Calibration],
     parts: Sequence[Sequence[int]],
-    when: Mapping[str, Sequence[str]],
+    when: Sequence[Sequence[str]],
 ) -> tuple[MissingLink, ...]:
     """For each component but the largest, the two cameras and images that come nearest to joining it to the others.
 
@@ -81,11 +81,9 @@ def links_of(
 
 
 def _link(
-    order: Sequence[str], cameras: Sequence[Calibration], when: Mapping[str, Sequence[str]], a: int, b: int
+    order: Sequence[str], cameras: Sequence[Calibration], when: Sequence[Sequence[str]], a: int, b: int
 ) -> tuple[tuple[bool, int], MissingLink]:
-    one, two = (
-        dict(sorted(zip(when[order[c]], cameras[c].views, strict=True), key=lambda i: len(i[1]))) for c in (a, b)
-    )
+    one, two = (dict(sorted(zip(when[c], cameras[c].views, strict=True), key=lambda i: len(i[1]))) for c in (a, b))
     common = [m for m in one if m in two]
     if common:
         best = max(common, key=lambda m: min(len(one[m]), len(two[m])))
@@ -156,7 +154,13 @@ def _of_boards(found: RigCalibration) -> list[Reason]:
 
 
 def _lateness(shifts: Mapping[str, TimeShift]) -> str:
-    return ", ".join(f"{name} is {s.moments:+.2f} ± {s.std:.2f} of a frame late" for name, s in shifts.items())
+    return ", ".join(f"{name} is {lateness(s)} late" for name, s in shifts.items())
+
+
+def lateness(shift: TimeShift) -> str:
+    """How late a camera is, with its standard deviation, if that is known."""
+    spread = f" ± {shift.std:.3f}" if np.isfinite(shift.std) else ""
+    return f"{shift.moments:+.3f}{spread} frames"
 
 
 def _flips(found: RigCalibration) -> list[str]:

@@ -10,7 +10,7 @@ three of them.
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -122,9 +122,10 @@ def _parabola(t: Array, at: float) -> Array:
 
 
 def shifts_of(
-    task: RigTask, fit: robust.Fit, path: Path, corners: Corners3, first: int | None = None
+    task: RigTask, fit: robust.Fit, path: Path, corners: Corners3, lags: Sequence[int], first: int | None = None
 ) -> dict[int, TimeShift]:
-    """Time shift of each camera, by its number in `task`, relative to the camera `first`, whose shift is 0.
+    """Time shift of each camera beyond its whole moments `lags`, by its number in `task`, relative to the camera
+    `first`, whose shift is 0.
 
     `first`: None for the camera that agrees best with the others. `corners`: those of the task, or corrected ones. A
     camera's pose was estimated as if it had no shift, and absorbed a part of it: a small motion of each camera is
@@ -160,7 +161,8 @@ def shifts_of(
     columns = (7 * known[:, None] + np.arange(7)).ravel()
     found, cov = _least_absolute(np.array(rows)[:, :, columns], np.array(misses), np.array(of))
     tau, cov = found[::7], cov[::7, ::7]
-    apart = np.abs(tau[:, None] - tau[None]).sum(axis=1)
+    late = tau + np.array(lags)[known]
+    apart = np.abs(late[:, None] - late[None]).sum(axis=1)
     zero = int(np.argmin(apart.round(9))) if first is None else int(np.flatnonzero(known == first)[0])
     J = np.eye(len(known)) - np.eye(len(known))[zero]
     tau, std = J @ tau, np.sqrt(np.maximum(np.diag(J @ cov @ J.T), 0.0))
@@ -217,29 +219,43 @@ class InStep:
     lost: Collection[tuple[int, int]] = ()
 
 
-def in_step(task: RigTask, fit: robust.Fit, time: Mapping[str, float], correct: bool, spacing: float) -> InStep:
+def in_step(
+    task: RigTask, fit: robust.Fit, time: Mapping[str, float], correct: bool, spacing: float, lags: Sequence[int]
+) -> InStep:
     """Time shifts of the cameras and, if `correct`, the solution with the corners of clearly shifted ones corrected.
 
+    `lags`: by how many whole moments each camera of `task` is late; its views already are of the moments that follow
+    from them, and so only what remains is corrected.
     Iterates time shifts, corners along the boards' paths, and least squares; the result is kept only if it explains the
     corners better. Views of a late camera are left out if the board's path at their true time is unknown.
     """
-    shifts = shifts_of(task, fit, Path.of(task, fit.state, time), task.corners)
+    shifts = shifts_of(task, fit, Path.of(task, fit.state, time), task.corners, lags)
+    first = next((c for c, s in shifts.items() if s.moments == 0), lags.index(0) if 0 in lags else 0)
     late = tuple(c for c, s in shifts.items() if s.clear)
     if not correct or not late:
-        return InStep(fit, task.corners, shifts)
-    first = next(c for c, s in shifts.items() if s.moments == 0)
+        return _with_lags(InStep(fit, task.corners, shifts), lags, first, correct)
     now, found, total = _brought(task, fit, time, {c: shifts[c].moments for c in late}, spacing), shifts, {}
     for _ in range(ROUNDS):
-        found = shifts_of(task, now.fit, Path.of(task, now.fit.state, time), now.corners, first)
+        found = shifts_of(task, now.fit, Path.of(task, now.fit.state, time), now.corners, lags, first)
         change = {c: found[c].moments for c in late if c in found}
         total = {c: now.shifts[c].moments + change.get(c, 0.0) for c in late}
         now = _brought(task, now.fit, time, total, spacing)
         if max(map(abs, change.values()), default=0.0) < SETTLED:
             break
     if not _spread(now.fit) < _spread(fit):
-        return InStep(fit, task.corners, shifts)
+        return _with_lags(InStep(fit, task.corners, shifts), lags, first, correct)
     every = {c: replace(found.get(c, s), moments=total[c]) if c in late else found.get(c, s) for c, s in shifts.items()}
-    return replace(now, shifts=every, late=late)
+    return _with_lags(replace(now, shifts=every, late=late), lags, first, correct)
+
+
+def _with_lags(step: InStep, lags: Sequence[int], first: int, correct: bool) -> InStep:
+    """The whole shifts, relative to the camera `first`: lags, which views already are corrected for, and what is known
+    beyond them."""
+    whole = {c: lag - lags[first] for c, lag in enumerate(lags) if lag != lags[first]}
+    shifts = {c: replace(s, moments=s.moments + whole.get(c, 0)) for c, s in step.shifts.items()}
+    only = {c: TimeShift(float(lag), float("nan")) for c, lag in whole.items() if c not in shifts}
+    late = tuple(sorted({*step.late, *whole})) if correct else step.late
+    return replace(step, shifts=shifts | only, late=late)
 
 
 def _brought(

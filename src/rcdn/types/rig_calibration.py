@@ -45,15 +45,15 @@ class MissingLink:
 class TimeShift:
     """How much later than its stamp a camera's pictures were taken, against those of the camera that most others are in
     step with: `moments` (1: the time from one to the next, or a frame, where they have numbers), with its standard
-    deviation `std`."""
+    deviation `std`, NaN if only whole moments are known."""
 
     moments: float
     std: float
 
     @property
     def clear(self) -> bool:
-        """Whether the shift is significant: larger than 0.05 moments and than four standard deviations."""
-        return bool(abs(self.moments) > max(0.05, 4 * self.std))
+        """Whether the shift is significant: larger than 0.05 moments and than four standard deviations, if known."""
+        return bool(abs(self.moments) > 0.05 and not abs(self.moments) <= 4 * self.std)
 
 
 @dataclass(frozen=True, eq=False)
