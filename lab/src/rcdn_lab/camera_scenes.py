@@ -40,7 +40,7 @@ def random_camera(model: str, seed: int) -> Camera:
         lens = np.concatenate(
             [rng.normal(0, 0.5, 2), rng.normal(0, 0.001, 2), rng.normal(0, 0.5, 1), rng.normal(0, 1, 3)]
         )
-        radial, _ = Brown.of(lens).radial(n * n)
+        radial = Brown.of(lens).radial(n * n)
         if Brown.of(lens).fold() > 1.3 and ((radial > 0.3) & (radial < 3)).all():
             return Camera(CAMERAS["brown"].K, lens, WIDE, "rational")
 

@@ -150,7 +150,10 @@ def with_fixed(state: State, fixed: Collection[str]) -> State:
 
 def _move(T: Array, motions: Array) -> Real[Array, "f 4 4"]:
     """Poses (F, 4, 4) after motions (F, 6): a rotation about the origin of the camera, then a translation."""
-    out, R = T.copy(), rotation(motions[:, :3])
+    out = T.copy()
+    if not len(T):
+        return out
+    R = rotation(motions[:, :3])
     out[:, :3, :3] = R @ T[:, :3, :3]
     out[:, :3, 3] = (R @ T[:, :3, 3, None])[..., 0] + motions[:, 3:]
     return out
@@ -159,6 +162,8 @@ def _move(T: Array, motions: Array) -> Real[Array, "f 4 4"]:
 def residuals(state: State, corners: Corners3) -> Real[Array, "n 2"]:
     """(N, 2) observed − projected, px; NaN where the camera cannot see the corner."""
     points, xy = _placed(state, corners)[2], np.full((len(corners), 2), np.nan)
+    if len(state.cameras) == 1:
+        return np.asarray(corners.xy - project(state.cameras[0], points))
     for c, camera in enumerate(state.cameras):
         of = np.flatnonzero(corners.camera == c)
         xy[of] = project(camera, points[of])

@@ -14,6 +14,7 @@ from rcdn.calibration.arguments import check_boards, texts
 from rcdn.calibration.bundle import State, default_free, with_fixed
 from rcdn.calibration.coded import Geometries, Geometry, Spacing
 from rcdn.calibration.labels import Labelled, Size
+from rcdn.calibration.one_thread import one_thread
 from rcdn.calibration.residual_facts import mean_residuals
 from rcdn.calibration.shape import FEWEST_SHAPED, FUNCTIONS, board_shape
 from rcdn.calibration.start import first_camera, poses
@@ -57,6 +58,7 @@ HOPELESS = 0.2
 """relative standard deviation of the focal length above which the result is refused"""
 
 
+@one_thread()
 def calibrate(
     boards: Sequence[Board],
     spacing: Spacing,

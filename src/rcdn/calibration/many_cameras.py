@@ -20,6 +20,7 @@ from rcdn.calibration.joint_views import rms_of, solved_camera, solved_view
 from rcdn.calibration.known_lens import with_known_lens
 from rcdn.calibration.labels import Size
 from rcdn.calibration.lags import lags_of, late_moments
+from rcdn.calibration.one_thread import one_thread
 from rcdn.calibration.rig_facts import judged_rig, links_of, pairs_of
 from rcdn.calibration.rig_fit import fitted
 from rcdn.calibration.rig_graph import RigGraph, sights_of
@@ -37,6 +38,7 @@ PATHLESS = "the camera is out of step, and where the board was when it took this
 ODD = "it disagrees with the other cameras on where the board is"
 
 
+@one_thread()
 def calibrate_rig(
     views: Mapping[str, Sequence[Board]],
     spacing: Spacing,

@@ -9,6 +9,7 @@ import numpy as np
 from rcdn.calibration.added_view import Forecast
 from rcdn.calibration.board_points import flat_points, plane_of
 from rcdn.calibration.candidates import SIDES, Candidates, board_corners, candidates, in_frame, placed
+from rcdn.calibration.one_thread import one_thread
 from rcdn.calibration.view_checks import THIRDS
 from rcdn.errors import two_digits
 from rcdn.geometry import project
@@ -122,6 +123,7 @@ def place_and_tilt(found: NextView, image_size: tuple[int, int]) -> str:
     return f"Hold the board in {place} of the picture, {found.distance:.2g} m away, {tilt}{part}."
 
 
+@one_thread()
 def advised(calibration: Calibration) -> Calibration:
     """`calibration` with the next picture as the last of its advice, if that would help."""
     found = next_view(calibration)

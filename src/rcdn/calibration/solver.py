@@ -9,7 +9,7 @@ by the Schur complement (Triggs et al., Bundle Adjustment, 2000, section 6.1).
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg.lapack import dtrtri
@@ -304,7 +304,8 @@ def solve(
     (for each axis, with scale 2). A frame without corners keeps its pose.
     """
     free = default_free(start) if free is None else free
-    state, cost, damping = start, _cost(start, corners, weight, loss), DAMPING
+    state = replace(start, prior=start.beforehand)  # computed once
+    cost, damping = _cost(state, corners, weight, loss), DAMPING
     for _ in range(iterations):
         here = Normal.of(state, corners, weight, free, loss)
         other, less, damping = _step(state, here, cost, damping, corners, weight, free, loss)
@@ -312,7 +313,7 @@ def solve(
         state, cost = other, less
         if gain < ENOUGH:
             break
-    return Solution(state, Normal.of(state, corners, weight, free).arrow())
+    return Solution(replace(state, prior=start.prior), Normal.of(state, corners, weight, free).arrow())
 
 
 def _step(

@@ -16,6 +16,7 @@ from rcdn.calibration.coded import Geometries, Spacing
 from rcdn.calibration.epipolar import epipolar_gaps
 from rcdn.calibration.joint_views import JointViews, rms_of, solved_camera, solved_view
 from rcdn.calibration.labels import Size
+from rcdn.calibration.one_thread import one_thread
 from rcdn.calibration.rig import FEWEST_PAIRS, determines_pose, matrix, place
 from rcdn.calibration.shape import KNOWN, on_shape
 from rcdn.calibration.solver import Arrow
@@ -29,6 +30,7 @@ from rcdn.types import Array, Board, BoardShape, Calibration, Camera, StereoCali
 Names = tuple[Sequence[str], Sequence[str]]
 
 
+@one_thread()
 def calibrate_stereo(
     left: Sequence[Board],
     right: Sequence[Board],

@@ -6,7 +6,6 @@ import numpy as np
 
 from rcdn.errors import RcdnError
 from rcdn.geometry.correction import basis, stereographic, stereographic_jacobian, surface_jacobian
-from rcdn.geometry.lens import project
 from rcdn.geometry.model_jacobians import distorted_with_jacobian
 from rcdn.types import Array, Camera
 from rcdn.types.arrays import Real
@@ -51,7 +50,7 @@ def core_jacobian(camera: Camera, points: Array) -> tuple[Array, Array, Array]:
     jacobian[:, [0, 1], [0, 1]] = d
     jacobian[:, [0, 1], [2, 3]] = 1.0
     jacobian[:, :, 4:] = by_lens * f[:, None]
-    return project(camera, points), by_point * f[:, None], jacobian
+    return d @ camera.K[:2, :2].T + camera.K[:2, 2], by_point * f[:, None], jacobian
 
 
 def rotation(vectors: Array) -> Real[Array, "... 3 3"]:
@@ -72,10 +71,12 @@ def rotation_jacobian(vectors: Array) -> Real[Array, "... 3 3"]:
 
 def cross_matrix(vectors: Array) -> Real[Array, "... 3 3"]:
     """Skew-symmetric matrices [v]× (..., 3, 3) of vectors v (..., 3), so that [v]×·w = v × w."""
-    x, y, z = np.moveaxis(np.asarray(vectors, float), -1, 0)
-    zero = np.zeros_like(x)
-    rows = [np.stack(row, axis=-1) for row in ((zero, -z, y), (z, zero, -x), (-y, x, zero))]
-    return np.stack(rows, axis=-2)
+    vectors = np.asarray(vectors, float)
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    out = np.zeros((*vectors.shape, 3))
+    out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -z, y, -x
+    out[..., 1, 0], out[..., 2, 0], out[..., 2, 1] = z, -y, x
+    return out
 
 
 def _rodrigues(angle2: Array) -> tuple[Array, Array, Array]:

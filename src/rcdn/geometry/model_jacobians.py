@@ -36,7 +36,7 @@ def _brown_lens(lens: Brown, n: Array) -> Array:
     power = np.stack([r2, r2**2, r2**3], axis=-1)
     below = 1 + power @ lens.denominator
     up = power / below[:, None]
-    down = -up * lens.radial(r2)[0][:, None]
+    down = -up * lens.radial(r2)[:, None]
     out = np.empty((len(n), 2, 8))
     for axis, q in enumerate((x, y)):
         out[:, axis, [0, 1, 4]] = q[:, None] * up

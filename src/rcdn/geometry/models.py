@@ -138,20 +138,29 @@ class Brown:
         k[: len(distortion)] = distortion
         return cls(k[[0, 1, 4]], k[5:], float(k[2]), float(k[3]))
 
-    def radial(self, r2: Array) -> tuple[Array, Array]:
-        """Radial factor at squared radii `r2`, and its derivative with respect to r2."""
+    def radial(self, r2: Array) -> Array:
+        """Radial factor at squared radii `r2`."""
         (a, b, c), (d, e, f) = self.numerator, self.denominator
-        above, below = 1 + r2 * (a + r2 * (b + r2 * c)), 1 + r2 * (d + r2 * (e + r2 * f))
+        above = 1 + r2 * (a + r2 * (b + r2 * c))
+        if not self.denominator.any():
+            return np.asarray(above)
         with np.errstate(divide="ignore", invalid="ignore"):  # a pole is beyond the fold
-            g = above / below
-            slope = (a + r2 * (2 * b + r2 * 3 * c) - g * (d + r2 * (2 * e + r2 * 3 * f))) / below
-        return g, slope
+            return np.asarray(above / (1 + r2 * (d + r2 * (e + r2 * f))))
+
+    def radial_slope(self, r2: Array, g: Array) -> Array:
+        """The derivative of the radial factor with respect to r2, where it is `g`."""
+        (a, b, c), (d, e, f) = self.numerator, self.denominator
+        above = a + r2 * (2 * b + r2 * 3 * c)
+        if not self.denominator.any():
+            return np.asarray(above)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray((above - g * (d + r2 * (2 * e + r2 * 3 * f))) / (1 + r2 * (d + r2 * (e + r2 * f))))
 
     def distort(self, n: Real[Array, "... 2"]) -> Real[Array, "... 2"]:
         """Distorted points (..., 2) of normalised points `n` (..., 2), both in focal lengths."""
         x, y = n[..., 0], n[..., 1]
         r2 = x * x + y * y
-        g, _ = self.radial(r2)
+        g = self.radial(r2)
         return np.stack([
             x * g + 2 * self.p1 * x * y + self.p2 * (r2 + 2 * x * x),
             y * g + self.p1 * (r2 + 2 * y * y) + 2 * self.p2 * x * y,
@@ -160,7 +169,9 @@ class Brown:
     def jacobian(self, n: Array) -> tuple[Array, Array, Array]:
         """The entries ∂x′/∂x, ∂x′/∂y = ∂y′/∂x, and ∂y′/∂y of the Jacobian of `distort`, each (...)."""
         x, y = n[..., 0], n[..., 1]
-        g, slope = self.radial(x * x + y * y)
+        r2 = x * x + y * y
+        g = self.radial(r2)
+        slope = self.radial_slope(r2, g)
         return (
             g + 2 * x * x * slope + 2 * self.p1 * y + 6 * self.p2 * x,
             2 * x * y * slope + 2 * self.p1 * x + 2 * self.p2 * y,
@@ -185,7 +196,7 @@ def _brown_inverse(d: Array, lens: Brown) -> Array:
         far = d[lost]
         r = np.hypot(far[:, 0], far[:, 1])
         high = min(limit * (1 - 1e-12), REACH)  # a pole is excluded, since the map has no value there
-        start = far * (_radial_inverse(lambda x: x * lens.radial(x * x)[0], r, high) / np.maximum(r, 1e-12))[:, None]
+        start = far * (_radial_inverse(lambda x: x * lens.radial(x * x), r, high) / np.maximum(r, 1e-12))[:, None]
         n[lost] = _brown_newton(far, start, lens, limit)
     return n
 

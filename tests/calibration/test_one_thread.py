@@ -1,0 +1,46 @@
+"""Calibrations compute on one thread, and leave the libraries' threads as they were."""
+
+from __future__ import annotations
+
+import pytest
+import scipy.linalg  # noqa: F401  # its own library is limited, too
+from threadpoolctl import threadpool_info, threadpool_limits
+
+from rcdn.calibration import calibrate
+from rcdn.errors import CalibrationError
+from rcdn_lab.camera_scenes import CAMERAS, SPACING, random_boards
+
+
+def threads():
+    return {pool["filepath"]: pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"}
+
+
+@pytest.fixture
+def two():
+    """Two threads of each library, as on a machine of two cores."""
+    with threadpool_limits(2, user_api="blas"):
+        before = threads()
+        if set(before.values()) != {2}:
+            pytest.skip("these libraries have one thread")
+        yield before
+
+
+class Watched(list):
+    """Boards that note how many threads there are when they are looked at."""
+
+    def __iter__(self):
+        self.threads = threads()
+        return super().__iter__()
+
+
+def test_a_calibration_has_one_thread(two):
+    boards = Watched(random_boards(CAMERAS["pinhole"], seed=1, views=6)[0])
+    calibrate(boards, SPACING, model="pinhole")
+    assert set(boards.threads.values()) == {1}
+    assert threads() == two
+
+
+def test_errors_leave_the_threads_as_they_were(two):
+    with pytest.raises(CalibrationError):
+        calibrate([], SPACING)
+    assert threads() == two
