@@ -101,7 +101,6 @@ def live(
         import websockets  # noqa: F401
     except ImportError as error:
         raise DependencyError(f"rcdn live needs {error.name}; run: pip install 'rcdn[live]'") from error
-    from rcdn.calibration.one_thread import one_thread
     from rcdn.live.folder import Folder, Settings
     from rcdn.live.run import serve
     from rcdn.live.session import Session
@@ -117,7 +116,7 @@ def live(
     settings = kept.agree(Settings(length, model.value, None if size is None else (size.cols, size.rows)))
     source = _source(named, stereo)
     session = Session(kept, settings, _tools(settings, target, enough, stereo))
-    with one_thread(), contextlib.suppress(KeyboardInterrupt):
+    with contextlib.suppress(KeyboardInterrupt):
         serve(kept, session, source, place, lambda address: _opened(address, place, open_page))
     again = f"rcdn live {folder}{' --stereo' if stereo else ''}"
     print_stopped(f"; what was taken is in {folder}, and `{again}` goes on")
