@@ -22,6 +22,7 @@ FLAVOURS = ("opencv-python", "opencv-contrib-python", "opencv-python-headless", 
 TESTS = (
     "tests/test_any_opencv.py", "tests/test_io.py", "tests/test_vnl.py", "tests/test_geometry.py",
     "tests/test_undistort.py", "tests/targets/test_opencv.py", "tests/calibration/test_solver.py",
+    "tests/calibration/test_one_thread.py",
     "tests/test_detector.py::test_ordinary_boards_are_found_whole_with_right_labels_and_sub_pixel_corners[auto]",
 )  # fmt: skip
 SOLVERS = "tests/adapters/test_solvers.py"

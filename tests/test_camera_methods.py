@@ -45,6 +45,12 @@ def test_the_coefficients_are_taken_as_opencv_gives_them(shape):
     assert np.array_equal(camera.project(POINTS), BROWN.project(POINTS))
 
 
+@pytest.mark.parametrize(("model", "count"), [("pinhole", 0), ("brown", 5), ("rational", 8), ("fisheye", 4)])
+def test_no_distortion_is_that_of_opencv(model, count):
+    camera = Camera(BROWN.K, None, BROWN.image_size, model)
+    assert camera.distortion.tolist() == [0] * count
+
+
 def test_a_count_of_another_model_names_that_model():
     with pytest.raises(RcdnError, match="'brown' takes 4 or 5 numbers, not 8; model 'rational' takes 8"):
         Camera(BROWN.K, np.zeros(8), BROWN.image_size)

@@ -34,11 +34,11 @@ LENS = {
 class Camera(Value):
     """Intrinsics of one camera.
 
-    `K` (3, 3) px; `distortion` (N,), or as OpenCV has it (1, N) or (N, 1): empty for `pinhole`; OpenCV's k1 k2 p1 p2
-    [k3] for `brown`, with k4 k5 k6 of a denominator for `rational`; Kannala–Brandt k1..k4 for `fisheye` (OpenCV's
-    fisheye); one number λ for `division`: undistorted = distorted ÷ (1 + λ·r²), r of the distorted point in focal
-    lengths, so that λ < 0 is a barrel distortion (Fitzgibbon 2001). `image_size` (width, height) px. Pixel centres at
-    integers. `correction`: deviation of the lens from the parametric model, added to the distorted point, in focal
+    `K` (3, 3) px; `distortion` (N,), or as OpenCV has it (1, N), (N, 1), or None for zeros: empty for `pinhole`;
+    OpenCV's k1 k2 p1 p2 [k3] for `brown`, with k4 k5 k6 of a denominator for `rational`; Kannala–Brandt k1..k4 for
+    `fisheye` (OpenCV's fisheye); one number λ for `division`: undistorted = distorted ÷ (1 + λ·r²), r of the distorted
+    point in focal lengths, so that λ < 0 is a barrel distortion (Fitzgibbon 2001). `image_size` (width, height) px.
+    Pixel centres at integers. `correction`: deviation of the lens from the parametric model, added to the distorted point, in focal
     lengths; not for `division`.
     """
 
@@ -50,10 +50,11 @@ class Camera(Value):
 
     def __post_init__(self) -> None:
         freeze(self, "K", self.K, np.float64, (3,))
-        object.__setattr__(self, "distortion", _in_a_row(self.distortion))
-        freeze(self, "distortion", self.distortion, np.float64, ())
         if not isinstance(self.model, str) or self.model not in LENS:
             raise RcdnError(f"Camera.model must be one of {', '.join(LENS)}, not {shown(self.model)}")
+        none = np.zeros(len(LENS[self.model]))
+        object.__setattr__(self, "distortion", none if self.distortion is None else _in_a_row(self.distortion))
+        freeze(self, "distortion", self.distortion, np.float64, ())
         object.__setattr__(self, "image_size", whole_size(self.image_size, "Camera.image_size"))
         if self.K.shape != (3, 3) or not np.isfinite(self.K).all():
             raise RcdnError(f"Camera.K must be a finite (3, 3) matrix, not {self.K.tolist()}")
