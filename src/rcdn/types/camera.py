@@ -38,8 +38,8 @@ class Camera(Value):
     OpenCV's k1 k2 p1 p2 [k3] for `brown`, with k4 k5 k6 of a denominator for `rational`; Kannala–Brandt k1..k4 for
     `fisheye` (OpenCV's fisheye); one number λ for `division`: undistorted = distorted ÷ (1 + λ·r²), r of the distorted
     point in focal lengths, so that λ < 0 is a barrel distortion (Fitzgibbon 2001). `image_size` (width, height) px.
-    Pixel centres at integers. `correction`: deviation of the lens from the parametric model, added to the distorted point, in focal
-    lengths; not for `division`.
+    Pixel centres at integers. `correction`: deviation of the lens from the parametric model, added to the distorted
+    point, in focal lengths; not for `division`.
     """
 
     K: Array
