@@ -58,8 +58,8 @@ CorrectTime = Annotated[
     bool,
     typer.Option(
         "--correct-time",
-        help="With --rig: bring cameras into step that are late or early, by boards that move; of videos the frames "
-        "beside the chosen ones are looked at, too.",
+        help="With --rig: bring cameras into step that are late or early, by boards that move; of videos, which may "
+        "have been started one after the other, more frames are looked at.",
     ),
 ]
 FixedBoards = Annotated[
