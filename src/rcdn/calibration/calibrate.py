@@ -133,9 +133,8 @@ def with_geometries(
         fits = _fits(task, models, start, T, whole.spacing, fixed, shaped=False)
         chosen, scores = _choose(task, fits)
     done = result_of(task, boards, labels, names, fits[chosen], whole, scores)
-    _check_plausible(
-        done
-    )  # a smooth correction, of many more parameters, settles nothing that a plain lens leaves open
+    # before a smooth correction, which has many more parameters and settles nothing that a plain lens leaves open
+    _check_plausible(done)
     if model == "splined" or (model == "auto" and mean_residuals(done).share > SYSTEMATIC):
         better = _splined(task, fits[chosen], scores[0], whole.spacing, requested=model == "splined")
         if better is not None:

@@ -65,7 +65,8 @@ class Arrow:
         own = _inverse_factor(_damped(blocks[:, :, :6], damping))
         reach = own @ (own.transpose(0, 2, 1) @ blocks[:, :, 6:])
         whole = _damped(whole[None], damping)[0]
-        rim = whole - np.einsum("fak,fal->kl", blocks[:, :, 6:], reach, optimize=True)
+        flat = 6 * len(blocks), len(whole)
+        rim = whole - blocks[:, :, 6:].reshape(flat).T @ reach.reshape(flat)
         return cls(own, reach, _inverse_factor(rim[None], np.diag(whole))[0])
 
     @property
@@ -76,7 +77,7 @@ class Arrow:
     def solve(self, by_frame: Real[Array, "f 6"], shared: Real[Array, " k"]) -> tuple[Array, Array]:
         """(F, 6) and (K,): the inverse of the normal matrix times a gradient with the parts `by_frame` (F, 6) and
         `shared` (K,)."""
-        rest = shared - np.einsum("fak,fa->k", self.reach, by_frame)
+        rest = shared - by_frame.ravel() @ self.reach.reshape(by_frame.size, len(shared))
         x = self.rim @ (self.rim.T @ rest)
         own = (self.own @ (self.own.transpose(0, 2, 1) @ by_frame[:, :, None]))[..., 0]
         return own - self.reach @ x, x
