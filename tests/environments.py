@@ -18,6 +18,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 NOT_OURS = ("-W", "ignore:'click.:DeprecationWarning")
 """old releases of Typer use names that Click has given up since"""
+EVERY = ("-m", "slow or not slow")
 FLAVOURS = ("opencv-python", "opencv-contrib-python", "opencv-python-headless", "opencv-contrib-python-headless")
 TESTS = (
     "tests/test_any_opencv.py", "tests/test_io.py", "tests/test_vnl.py", "tests/test_geometry.py",
@@ -107,10 +108,8 @@ def tried(name: str, environment: Environment, wheels: list[Path], folder: Path)
     env = without_checkout() | {"PATH": path}
     print(f"== {name}", flush=True)
     done = subprocess.run([python, "-c", code], env=env).returncode
-    done = (
-        done
-        or subprocess.run([python, "-m", "pytest", "-q", *NOT_OURS, *environment.tests], env=env, cwd=ROOT).returncode
-    )
+    tests = (*NOT_OURS, *EVERY, *environment.tests)
+    done = done or subprocess.run([python, "-m", "pytest", "-q", *tests], env=env, cwd=ROOT).returncode
     print(f"== {name}: {'failed' if done else 'passed'}", flush=True)
     return done == 0
 
