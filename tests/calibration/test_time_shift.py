@@ -68,7 +68,7 @@ def test_late_cameras_are_told_against_those_that_are_in_step(uncorrected):
         assert uncorrected.shifts[name].moments == pytest.approx(late, abs=0.1)
         assert uncorrected.shifts[name].clear == (late != 0)
     (reason,) = [r for r in uncorrected.verdict.against if r.key == "time_shift"]
-    assert "c1 is +0." in reason.sentence
+    assert "c1 is 0." in reason.sentence
     assert "--correct-time" in reason.action
     assert uncorrected.corrected == ()
 
@@ -129,13 +129,23 @@ def test_cameras_that_are_frames_out_of_step_are_brought_into_step(frames_apart)
     assert np.abs(off / std).max() < 4
 
 
-def test_frames_out_of_step_are_told_without_being_asked():
+def test_whole_frames_out_of_step_are_corrected_without_being_asked():
     found = solved({"c0": 0.0, "c1": 3.0, "c2": 0.0, "c3": 0.0}, correct=False)
     assert found.components == (("c0", "c1", "c2", "c3"),)
-    assert found.corrected == ()
+    assert found.corrected == ("c1",)
     assert found.shifts["c1"].moments == pytest.approx(3, abs=0.01)
+    (reason,) = [r for r in found.verdict.reasons if r.key == "time_shift"]
+    assert reason.level == "good"
+    assert "c1 is 3.0" in reason.sentence
+
+
+def test_parts_of_frames_beyond_whole_ones_are_told_and_left():
+    found = solved({"c0": 0.0, "c1": 3.4, "c2": 0.0, "c3": 0.0}, correct=False)
+    assert found.corrected == ()
+    assert found.shifts["c1"].moments == pytest.approx(3.4, abs=0.02)
     (reason,) = [r for r in found.verdict.against if r.key == "time_shift"]
-    assert "c1 is +3.0" in reason.sentence
+    assert "c1 is 3." in reason.sentence
+    assert "--correct-time" in reason.action
 
 
 def test_times_are_the_numbers_of_frames_or_the_order_of_names():

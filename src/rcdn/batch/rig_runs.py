@@ -167,7 +167,7 @@ def rig_lines(done: RigCalibration) -> list[str]:
             f"  {pair.first} – {pair.second}: {pair.used} of {pair.shared} shared boards, rms {pair.rms:.3g} px"
         )
     lines += [
-        f"  {name}: brought into step, {lateness(done.shifts[name])} late"
+        f"  {name}: brought into step, {lateness(done.shifts[name])}"
         for name in done.corrected
         if done.shifts is not None
     ]

@@ -154,13 +154,13 @@ def _of_boards(found: RigCalibration) -> list[Reason]:
 
 
 def _lateness(shifts: Mapping[str, TimeShift]) -> str:
-    return ", ".join(f"{name} is {lateness(s)} late" for name, s in shifts.items())
+    return ", ".join(f"{name} is {lateness(s)}" for name, s in shifts.items())
 
 
 def lateness(shift: TimeShift) -> str:
-    """How late a camera is, with its standard deviation, if that is known."""
+    """How late or early a camera is, with its standard deviation, if that is known."""
     spread = f" ± {shift.std:.3f}" if np.isfinite(shift.std) else ""
-    return f"{shift.moments:+.3f}{spread} frames"
+    return f"{abs(shift.moments):.3f}{spread} frames {'late' if shift.moments >= 0 else 'early'}"
 
 
 def _flips(found: RigCalibration) -> list[str]:

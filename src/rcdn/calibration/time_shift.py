@@ -233,7 +233,7 @@ def in_step(
     first = next((c for c, s in shifts.items() if s.moments == 0), lags.index(0) if 0 in lags else 0)
     late = tuple(c for c, s in shifts.items() if s.clear)
     if not correct or not late:
-        return _with_lags(InStep(fit, task.corners, shifts), lags, first, correct)
+        return _with_lags(InStep(fit, task.corners, shifts), lags, first)
     now, found, total = _brought(task, fit, time, {c: shifts[c].moments for c in late}, spacing), shifts, {}
     for _ in range(ROUNDS):
         found = shifts_of(task, now.fit, Path.of(task, now.fit.state, time), now.corners, lags, first)
@@ -243,18 +243,19 @@ def in_step(
         if max(map(abs, change.values()), default=0.0) < SETTLED:
             break
     if not _spread(now.fit) < _spread(fit):
-        return _with_lags(InStep(fit, task.corners, shifts), lags, first, correct)
+        return _with_lags(InStep(fit, task.corners, shifts), lags, first)
     every = {c: replace(found.get(c, s), moments=total[c]) if c in late else found.get(c, s) for c, s in shifts.items()}
-    return _with_lags(replace(now, shifts=every, late=late), lags, first, correct)
+    return _with_lags(replace(now, shifts=every, late=late), lags, first)
 
 
-def _with_lags(step: InStep, lags: Sequence[int], first: int, correct: bool) -> InStep:
+def _with_lags(step: InStep, lags: Sequence[int], first: int) -> InStep:
     """The whole shifts, relative to the camera `first`: lags, which views already are corrected for, and what is known
-    beyond them."""
+    beyond them. A camera with a lag and nothing clear beyond it is in step."""
     whole = {c: lag - lags[first] for c, lag in enumerate(lags) if lag != lags[first]}
     shifts = {c: replace(s, moments=s.moments + whole.get(c, 0)) for c, s in step.shifts.items()}
     only = {c: TimeShift(float(lag), float("nan")) for c, lag in whole.items() if c not in shifts}
-    late = tuple(sorted({*step.late, *whole})) if correct else step.late
+    rest = {c for c, s in step.shifts.items() if s.clear and c not in step.late}
+    late = tuple(sorted({*step.late, *(whole.keys() - rest)}))
     return replace(step, shifts=shifts | only, late=late)
 
 
