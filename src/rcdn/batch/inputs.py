@@ -58,6 +58,11 @@ class Gathered:
     reused: int
     saved: Mapping[str, Path] = field(default_factory=dict)
 
+    @property
+    def one_video(self) -> bool:
+        """Whether all images are frames of one video."""
+        return len(self.frames) == 1 and len(self.frames[0]) == len(self.images)
+
 
 def gather(
     inputs: Sequence[str],

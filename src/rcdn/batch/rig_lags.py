@@ -36,7 +36,7 @@ def lags_of_videos(
     from rcdn.calibration.time_shift import times_of
     from rcdn.types.limits import READ_IN_A_MIRROR
 
-    if any(len(got.frames) != 1 or len(got.frames[0]) != len(got.images) for got in found.values()):
+    if not all(got.one_video for got in found.values()):
         return {}
     last = max(max(got.frames[0], default=0) for got in found.values())
     numbers = tuple(range(0, last + 1, -(-(last + 1) // DENSE)))

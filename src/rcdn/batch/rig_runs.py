@@ -72,7 +72,7 @@ def _calibrated(
     from rcdn.calibration import calibrate_rig
 
     pictures = [[image.path for image in got.images] for got in found.values()]
-    videos = all(len(got.frames) == 1 and len(got.frames[0]) == len(got.images) for got in found.values())
+    videos = all(got.one_video for got in found.values())
     keys, way = ([stems(names, 0) for names in pictures], "name") if videos else moments_of(pictures)
     if way != "name":
         console.note(f"note: pictures belong together by {way}")

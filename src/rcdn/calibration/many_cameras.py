@@ -93,18 +93,14 @@ def calibrate_rig(
     unnamed = [c for c, lens in enumerate(lenses) if lens == "auto"]
     alone = _of_one_make(alone, unnamed, as_model, sights_of(alone, when))
     known = [name in given for name in order]
-    graph, time = RigGraph.of(alone, when, known, fixed_boards), times_of(m for each in when for m in each)
-    lags = lags_of(alone, graph.sights, time, graph.parts)
-    if lags:
-        when, time = late_moments(when, time, lags)
-        graph = RigGraph.of(alone, when, known, fixed_boards)
+    graph, time, lags = _graph(alone, when, known, fixed_boards)
     main = graph.parts[0]
     if len(main) < 2:
         raise CalibrationError(_why(order, graph, list(given)))
     edges, places, fits = graph.pairs.placed(main, graph.edges)
     graph = replace(graph, edges=edges, fixed=graph.fixed.only({key[1] for key in fits.boards}))
     fits = in_sets(fits, graph.fixed, places, graph.sights)
-    task = RigTask.of(main, alone, graph.sights, fits, when, [known[c] for c in main], graph.fixed)
+    task = RigTask.of(main, alone, graph.sights, fits, graph.when, [known[c] for c in main], graph.fixed)
     state = task.start(alone, places)
     spaced = alone[task.shape].spacing
     fit = fitted(task.joint, state, shaped=alone[task.shape].shape is not None, spacing=spaced)
@@ -173,6 +169,21 @@ def _of_one_make(
 def _one_as(both: tuple[int, int], as_model: Callable[[int, str], Calibration], side: int, lens: str) -> Calibration:
     """The calibration of the first or the second of two cameras with a lens model."""
     return as_model(both[side], lens)
+
+
+def _graph(
+    alone: Sequence[Calibration], when: Sequence[Sequence[str]], known: Sequence[bool], fixed_boards: bool
+) -> tuple[RigGraph, dict[str, float], dict[int, int]]:
+    """The graph, the time of each moment, and the cameras' lags, by which moments are counted anew if that connects
+    more cameras."""
+    graph, time = RigGraph.of(alone, when, known, fixed_boards), times_of(m for each in when for m in each)
+    lags = lags_of(alone, graph.sights, time, graph.parts)
+    if lags:
+        later, times = late_moments(when, time, lags)
+        anew = RigGraph.of(alone, later, known, fixed_boards)
+        if len(anew.parts[0]) > len(graph.parts[0]):
+            return anew, times, lags
+    return graph, time, {}
 
 
 def _why(order: Sequence[str], graph: RigGraph, given: Sequence[str]) -> str:
