@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rcdn.geometry.models import Brown
+from rcdn.geometry.models import Brown, distorted
 from rcdn.types import Array, Camera
 
 NEAR_AXIS = 1e-7
@@ -53,15 +53,16 @@ def _fisheye_jacobian(camera: Camera, points: Array) -> tuple[Array, Array, Arra
     r = np.hypot(xy[:, 0], xy[:, 1])
     theta, square = np.arctan2(r, z), r * r + z * z
     power = theta[:, None] ** (2 * np.arange(1, 5))
-    radius = theta * (1 + power @ camera.distortion)
+    d = distorted(camera, points)
     slope = 1 + (power * (2 * np.arange(1, 5) + 1)) @ camera.distortion
     off = theta > NEAR_AXIS
     safe = np.where(off, r, 1.0)
     u = np.where(off[:, None], xy / safe[:, None], 0.0)
+    radius = (d * u).sum(axis=1)
     across = np.where(off, radius / safe, 1 / np.where(off, 1.0, np.maximum(np.abs(z), 1e-300)))
     along = np.where(off, slope * z / square, across)
     outer = u[:, :, None] * u[:, None, :]
     by_xy = across[:, None, None] * (np.eye(2) - outer) + along[:, None, None] * outer
     by_z = u * (-slope * r / square)[:, None]
     by_lens = u[:, :, None] * (theta[:, None] * power)[:, None, :]
-    return u * radius[:, None], np.concatenate([by_xy, by_z[:, :, None]], axis=2), by_lens
+    return d, np.concatenate([by_xy, by_z[:, :, None]], axis=2), by_lens
