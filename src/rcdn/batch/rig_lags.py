@@ -3,9 +3,10 @@ all of them, and the frames to use then."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from rcdn.batch.behind import seen_from_behind
 from rcdn.batch.calibration_runs import Problem, Run, flat
 from rcdn.batch.pairs import stems
 from rcdn.errors import CalibrationError, many
@@ -20,24 +21,22 @@ DENSE, FOR_LENS = 300, 30
 """largest numbers of evenly spaced frames of each video that are looked at, and of boards that determine its lens"""
 
 
-def lags_of_videos(
+def in_step(
     run: Run,
     cameras: Mapping[str, Sequence[str]],
     found: Mapping[str, Gathered],
     problem: Problem,
     known: Mapping[str, Camera],
-) -> dict[str, int]:
-    """By camera, how many frames its video is late against those that most are in step with; empty if nothing tells,
-    or if an input isn't one video. `found`: the boards of each camera, which determine its lens well enough if it isn't
-    `known`."""
-    from rcdn.calibration.lags import lags_of
-    from rcdn.calibration.rig_graph import sights_of
-    from rcdn.calibration.rig_start import components_of, edges_of
-    from rcdn.calibration.time_shift import times_of
+) -> dict[str, Gathered] | None:
+    """The detections of each camera in the frames of its video that show what the others show in those that were
+    `found`; None if time isn't to be corrected, nothing tells how late the videos are, or an input isn't one video.
+
+    `found` also determines the lens of a camera, well enough, if it isn't `known`.
+    """
     from rcdn.types.limits import READ_IN_A_MIRROR
 
-    if not all(got.one_video for got in found.values()):
-        return {}
+    if not problem.correct_time or not all(got.one_video for got in found.values()):
+        return None
     last = max(max(got.frames[0], default=0) for got in found.values())
     numbers = tuple(range(0, last + 1, -(-(last + 1) // DENSE)))
     console.note(
@@ -49,12 +48,35 @@ def lags_of_videos(
         lenses = [known.get(name) or _lens(run, found[name], problem) for name in cameras]
         posed = [_posed(run, dense[name], problem, lens) for name, lens in zip(cameras, lenses, strict=True)]
     except CalibrationError:
-        return {}
-    when = [stems([view.name for view in each.views], 0) for each in posed]
-    sights = sights_of(posed, when)
-    parts = components_of(len(posed), edges_of(posed, sights))
-    lags = lags_of(posed, sights, times_of(m for each in when for m in each), parts)
-    return {name: lags[c] for c, name in enumerate(cameras) if c in lags}
+        return None
+    late = dict(zip(cameras, _lags(posed), strict=True))
+    if not any(late.values()):
+        return None
+    moments = with_neighbours(n + late[name] for name, got in found.items() for n in got.frames[0])
+    out = {}
+    for name, inputs in cameras.items():
+        frames = tuple(sorted(m - late[name] for m in moments if m >= late[name]))
+        out[name] = seen_from_behind(run, name, inputs, run.gather(inputs, (frames,), silent=READ_IN_A_MIRROR))
+    return out
+
+
+def with_neighbours(numbers: Iterable[int]) -> set[int]:
+    """Frame numbers together with those before and after them: they determine how the boards move."""
+    return {n + by for n in numbers for by in (-1, 0, 1)}
+
+
+def _lags(cameras: Sequence[Calibration]) -> list[int]:
+    """By how many frames each camera is late against those that most are in step with."""
+    from rcdn.calibration.lags import lags_of
+    from rcdn.calibration.rig_graph import sights_of
+    from rcdn.calibration.rig_start import components_of, edges_of
+    from rcdn.calibration.time_shift import times_of
+
+    when = [stems([view.name for view in each.views], 0) for each in cameras]
+    sights = sights_of(cameras, when)
+    parts = components_of(len(cameras), edges_of(cameras, sights))
+    found = lags_of(cameras, sights, times_of(m for each in when for m in each), parts)
+    return [found.get(c, 0) for c in range(len(cameras))]
 
 
 def _lens(run: Run, found: Gathered, problem: Problem) -> Camera:

@@ -13,7 +13,7 @@ from rcdn.batch.camera_files import rig_refusal, write_rig_files
 from rcdn.batch.known_cameras import known_cameras
 from rcdn.batch.moments import cameras_in, moments_of
 from rcdn.batch.pairs import stems
-from rcdn.batch.rig_lags import lags_of_videos
+from rcdn.batch.rig_lags import in_step, with_neighbours
 from rcdn.errors import CalibrationError, many
 from rcdn.terminal import console
 from rcdn.terminal.spacing import metres
@@ -58,12 +58,12 @@ def solved(
     try:
         done = _calibrated(run, found, problem, known)
     except CalibrationError:
-        if not (again := _in_step(run, cameras, found, problem, known)):
+        if (again := in_step(run, cameras, found, problem, known)) is None:
             raise
-        return again, _calibrated(run, again, problem, known)
-    if len(done.components) > 1 and (again := _in_step(run, cameras, found, problem, known)):
-        return again, _calibrated(run, again, problem, known)
-    return found, done
+    else:
+        if len(done.components) == 1 or (again := in_step(run, cameras, found, problem, known)) is None:
+            return found, done
+    return again, _calibrated(run, again, problem, known)
 
 
 def _calibrated(
@@ -94,29 +94,6 @@ def _calibrated(
     )
 
 
-def _in_step(
-    run: Run,
-    cameras: Mapping[str, Sequence[str]],
-    found: Mapping[str, Gathered],
-    problem: Problem,
-    known: Mapping[str, Camera],
-) -> dict[str, Gathered] | None:
-    """The detections of each camera in the frames of its video that show what the others show in those that were
-    chosen; None if that is not asked for, or how late the videos are isn't known."""
-    from rcdn.types.limits import READ_IN_A_MIRROR
-
-    lags = lags_of_videos(run, cameras, found, problem, known) if problem.correct_time else {}
-    if not lags:
-        return None
-    moments = {n + late for name, late in lags.items() for n in found[name].frames[0]}
-    moments = {m + by for m in moments for by in (-1, 0, 1)}
-    out = {}
-    for name, inputs in cameras.items():
-        frames = tuple(sorted(m - lags.get(name, 0) for m in moments if m >= lags.get(name, 0)))
-        out[name] = seen_from_behind(run, name, inputs, run.gather(inputs, (frames,), silent=READ_IN_A_MIRROR))
-    return out
-
-
 def _gathered(run: Run, cameras: Mapping[str, Sequence[str]], problem: Problem) -> dict[str, Gathered]:
     """The detections of each camera; of videos, all frames that were chosen in the video of any camera."""
     from rcdn.types.limits import READ_IN_A_MIRROR
@@ -125,7 +102,8 @@ def _gathered(run: Run, cameras: Mapping[str, Sequence[str]], problem: Problem) 
         name: run.gather(inputs, cameras=len(cameras), silent=READ_IN_A_MIRROR) for name, inputs in cameras.items()
     }
     chosen = _together([got.frames for got in found.values()])
-    chosen = _with_neighbours(chosen) if problem.correct_time else chosen
+    if problem.correct_time:
+        chosen = tuple(tuple(sorted(n for n in with_neighbours(each) if 0 <= n <= max(each))) for each in chosen)
     for name, inputs in cameras.items():
         if chosen and found[name].frames != chosen:
             found[name] = run.gather(inputs, chosen, silent=READ_IN_A_MIRROR)
@@ -140,13 +118,6 @@ def _together(frames: Sequence[Numbers]) -> Numbers:
     if len({len(each) for each in frames}) > 1:
         return ()
     return tuple(tuple(sorted(set().union(*numbers))) for numbers in zip(*frames, strict=True))
-
-
-def _with_neighbours(frames: Numbers) -> Numbers:
-    """The frame numbers together with their neighbours, up to the last one: they determine how the boards move."""
-    return tuple(
-        tuple(sorted({n + by for n in each for by in (-1, 0, 1) if 0 <= n + by <= max(each)})) for each in frames
-    )
 
 
 def rig_lines(done: RigCalibration) -> list[str]:

@@ -59,7 +59,8 @@ def calibrate_rig(
     board (default: the k-th boards of all cameras belong together). `names` of the boards' images. `model`: of all
     cameras, or by name. `cameras`: by name those whose lens is known: it is held constant, and one image of a board is
     enough for them. `correct_time`: cameras with a clear time shift, as measured with moving boards, are corrected;
-    moments that end in numbers count frames by them. `fixed_boards`: the different boards are fixed to each other (on
+    moments that end in numbers count frames by them. Whole moments by which a camera is late, and agrees with no other
+    one for that, are corrected in any case. `fixed_boards`: the different boards are fixed to each other (on
     both sides of a plate, on a frame, in a room), and their relative poses are estimated, too: cameras are also
     connected by different boards at one moment. All else as in `calibrate`; the first camera of the largest connected
     component defines the rig's frame.
