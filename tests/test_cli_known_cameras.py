@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from rcdn.batch.known_cameras import known_cameras
-from rcdn.batch.rig_runs import _with_neighbours
+from rcdn.batch.rig_runs import _and_beside_them
 from rcdn.cli import app
 from rcdn.errors import ConfigError
 from rcdn.io import write_camera, write_rig
@@ -106,7 +106,7 @@ def test_time_is_corrected_only_in_a_rig(made):
 
 
 def test_frames_beside_the_chosen_ones_are_looked_at():
-    assert _with_neighbours(((0, 5, 9),)) == ((0, 1, 4, 5, 6, 8, 9),)
+    assert _and_beside_them(((0, 5, 9),)) == ((0, 1, 4, 5, 6, 8, 9),)
 
 
 def test_a_rig_has_a_page(made):

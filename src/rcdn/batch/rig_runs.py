@@ -102,8 +102,7 @@ def _gathered(run: Run, cameras: Mapping[str, Sequence[str]], problem: Problem) 
         name: run.gather(inputs, cameras=len(cameras), silent=READ_IN_A_MIRROR) for name, inputs in cameras.items()
     }
     chosen = _together([got.frames for got in found.values()])
-    if problem.correct_time:
-        chosen = tuple(tuple(sorted(n for n in with_neighbours(each) if 0 <= n <= max(each))) for each in chosen)
+    chosen = _and_beside_them(chosen) if problem.correct_time else chosen
     for name, inputs in cameras.items():
         if chosen and found[name].frames != chosen:
             found[name] = run.gather(inputs, chosen, silent=READ_IN_A_MIRROR)
@@ -118,6 +117,11 @@ def _together(frames: Sequence[Numbers]) -> Numbers:
     if len({len(each) for each in frames}) > 1:
         return ()
     return tuple(tuple(sorted(set().union(*numbers))) for numbers in zip(*frames, strict=True))
+
+
+def _and_beside_them(frames: Numbers) -> Numbers:
+    """The frame numbers of each video together with those before and after them, up to the last one."""
+    return tuple(tuple(sorted(n for n in with_neighbours(each) if 0 <= n <= max(each))) for each in frames)
 
 
 def rig_lines(done: RigCalibration) -> list[str]:
