@@ -1,5 +1,6 @@
 """Edge directions on rendered corners at every angle, and what isn't a corner."""
 
+import cv2
 import numpy as np
 import pytest
 from corner_scene import board, render
@@ -7,6 +8,7 @@ from scipy.spatial import cKDTree
 from scipy.special import erf
 
 from rcdn.corners.orientation import axes
+from rcdn.corners.peaks import axes_of
 
 
 def turned(a, b):
@@ -153,6 +155,24 @@ def test_border_and_tiny_pictures(size):
     assert np.isfinite(found.fit).all()
     assert ((found.fit >= 0) & (found.fit <= 1)).all()
     assert np.array_equal(found.polarity == 0, np.isnan(found.axes).any(axis=1))
+
+
+@pytest.mark.parametrize("ratio", [0.5, 0.7, 0.8, 0.85])
+def test_large_markers_beside_corners_leave_their_axes(ratio):
+    """Rings of .35 of the pitch cross the larger ones, and show no X-corner there."""
+    side, gap = 40, round(40 * (1 - ratio) / 2)
+    grey = np.kron(np.indices((7, 7)).sum(axis=0) % 2, np.full((side, side), 200)).astype(np.uint8) + 20
+    for row, column in zip(*np.nonzero(np.indices((7, 7)).sum(axis=0) % 2), strict=True):
+        y, x = row * side + gap, column * side + gap
+        grey[y : y + side - 2 * gap, x : x + side - 2 * gap] = 20
+    xy = np.indices((6, 6)).reshape(2, -1).T[:, ::-1] * side + side - 0.5
+    grey = cv2.GaussianBlur(grey, (0, 0), 0.7)
+    found = axes_of(grey, xy, np.full(len(xy), float(side)))
+    assert np.degrees(turned(np.sort(turned(found.axes, 0.0)), [0.0, np.pi / 2])).max() < 6
+    assert (found.fit > 0.5).all()
+    bright = (np.arange(36) // 6 + np.arange(36) % 6) % 2 == 1
+    first_is_0 = turned(found.axes[:, 0], 0.0) < 0.1
+    assert (found.polarity == np.where(bright == first_is_0, 1, -1)).all()
 
 
 def test_no_corners():

@@ -8,9 +8,9 @@ import numpy as np
 
 from rcdn.config import DetectorConfig
 from rcdn.corners.maxima import Maxima, find_maxima
-from rcdn.corners.orientation import Orientation, axes
+from rcdn.corners.orientation import Orientation
 from rcdn.corners.patches import plain
-from rcdn.corners.peaks import SAME, Peaks, nearest_other, ring
+from rcdn.corners.peaks import SAME, Peaks, axes_of, nearest_other
 from rcdn.corners.refine import refine
 from rcdn.geometry.near import pairs
 from rcdn.types import Array, Corners, Status
@@ -56,7 +56,7 @@ def candidates_at(grey: Array, response: Array, found: Maxima, config: DetectorC
         status = np.where(status == Status.REFINED, Status.LOW_CONFIDENCE, status)
     order = once[np.lexsort((fine[once, 1], fine[once, 0], -score[once]))]
     fine, score, status = fine[order], score[order], status[order]
-    seen = axes(grey, fine, ring(pitch[order]))
+    seen = axes_of(grey, fine, pitch[order])
     return Candidates(Corners(fine, score, status, seen.axes), seen, score >= found.level, strong[strong][order], weak)
 
 

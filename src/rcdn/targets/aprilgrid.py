@@ -6,11 +6,11 @@ from __future__ import annotations
 import numpy as np
 
 from rcdn.errors import ConfigError, shown
-from rcdn.targets.bent_lines import bent_lines
 from rcdn.targets.charuco import ACCEPT, CANDIDATES, MARGIN, SURE
 from rcdn.targets.families import families, family_of
 from rcdn.targets.gains import MOST_COLUMNS, gains
 from rcdn.targets.marker import Frame, appearance, evidence, modules
+from rcdn.targets.projected_lattice import projected_lattice
 from rcdn.targets.reading import Reading
 from rcdn.targets.rectify import aspect_of, rectified, whole_squares
 from rcdn.types import AprilGrid, Array
@@ -71,10 +71,10 @@ def _cells(grey: Array, grid: Array) -> Real[Array, "r c s s"]:
     rows, columns = grid.shape[:2]
     labels = np.repeat(np.arange(max(rows, columns))[:, None], 2, axis=1)
     lines = plane_points(labels, "aprilgrid", gap_of(grid))[:, 0]
-    bent = bent_lines(grid, lines[:columns], lines[:rows], (grey.shape[1], grey.shape[0]))
-    if bent is None:
+    seen = projected_lattice(grid, lines[:columns], lines[:rows], (grey.shape[1], grey.shape[0]))
+    if seen is None:
         return rectified(grey, grid, SAMPLES)
-    cells = bent.rectified(grey, SAMPLES)
+    cells = seen.rectified(grey, SAMPLES)
     cells[~whole_squares(np.isfinite(grid[..., 0]))] = np.nan
     return cells
 

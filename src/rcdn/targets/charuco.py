@@ -109,20 +109,22 @@ def read_charuco(
     markers: Sequence[Markers],
     given: Charuco | None = None,
     ends: Array | None = None,
-    ended: Callable[[], Array] | None = None,
+    ended: Callable[[float], Array] | None = None,
 ) -> Reading | None:
     """The layout of the `markers` of a board, or None if none is certain.
 
     `given`: the board given by the user (None: unknown); `ends`: see `ends_of`, or None if the board may extend
-    beyond its detected corners; `ended` returns (3, 3) bool, see `ended_sides`; None: False on all sides.
+    beyond its detected corners; `ended` returns (3, 3) bool from the contrast, see `ended_sides`; None: False on all
+    sides.
     """
     if given is not None:
         return _place([s for m in markers for s in _promising(m, -np.inf)], given)
     scored = [s for m in markers for s in _promising(m, ACCEPT - MARGIN) if s.hope > ACCEPT]
     if not scored:
         return None
-    sides = np.zeros((3, 3), bool) if ended is None else ended()
-    return _best(sorted(scored, key=lambda s: -s.hope), markers[0].squares.marked.shape, ends, sides)
+    scored.sort(key=lambda s: -s.hope)
+    sides = np.zeros((3, 3), bool) if ended is None else ended(abs(scored[0].appearance.white))
+    return _best(scored, markers[0].squares.marked.shape, ends, sides)
 
 
 def may_be_mirrored(markers: Sequence[Markers]) -> bool:

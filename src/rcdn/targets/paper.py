@@ -30,22 +30,32 @@ LEAST = 8.0
 """least contrast between dark and white, grey levels, with which a square is evaluated"""
 
 
-def ended_sides(squares: Array, marked: Bool[Array, "r c"]) -> Bool[Array, "3 3"]:
+def ended_sides(squares: Array, marked: Bool[Array, "r c"], contrast: float = 0.0) -> Bool[Array, "3 3"]:
     """(3, 3) bool: whether the board visibly ends above [0, 1], on the left [1, 0], on the right [1, 2] and below
     [2, 1]; False if that isn't known.
 
     `squares` (R + 2, C + 2, S, S): grey levels of the board's squares and of one more on each side, NaN outside the
-    picture; `marked` (R, C): the squares that contain markers. The paper around inverted boards may be printed black.
+    picture; `marked` (R, C): the squares that contain markers; `contrast` of dark and white without the blur, grey
+    levels, 0 if that isn't known. The paper around inverted boards may be printed black.
     """
     ended = np.zeros((3, 3), bool)
     inner = squares[1:-1, 1:-1]
     black_on_white = _rim(inner[marked]) > _rim(inner[~marked])
     prints = [(squares, marked)] if black_on_white else [(squares, ~marked), (-squares, marked)]
-    for turns in range(4):
-        np.rot90(ended, turns)[0, 1] = any(
-            _ends_above(np.rot90(np.rot90(s, turns, (0, 1)), turns, (2, 3)), np.rot90(w, turns)) for s, w in prints
-        )
+    for print_, white in prints:
+        lost = _lost(print_[1:-1, 1:-1], contrast) if white is marked else 1.0
+        for turns in range(4):
+            turned = np.rot90(np.rot90(print_, turns, (0, 1)), turns, (2, 3))
+            np.rot90(ended, turns)[0, 1] |= _ends_above(turned, np.rot90(white, turns), lost)
     return ended
+
+
+def _lost(squares: Array, contrast: float) -> float:
+    """By which factor, at least 1, the `contrast` of dark and white exceeds that seen in `squares` (R, C, S, S): under
+    blur the narrow rims of white around markers are darker than paper."""
+    level = np.concatenate([_levels(row) for row in squares])
+    seen = (level[:, 1] - level[:, 0])[np.isfinite(level[:, 0])]
+    return max(1.0, contrast / max(float(np.median(seen)), LEAST)) if len(seen) else 1.0
 
 
 def _rim(squares: Array) -> float:
@@ -55,9 +65,9 @@ def _rim(squares: Array) -> float:
     return float(np.median(values)) if len(values) else np.nan
 
 
-def _ends_above(squares: Array, white: Bool[Array, "r c"]) -> bool:
+def _ends_above(squares: Array, white: Bool[Array, "r c"], lost: float) -> bool:
     """Whether paper is seen above the board; `squares`: as in `ended_sides`; `white` (R, C): the squares with white at
-    their edges."""
+    their edges; `lost`: by which factor paper may exceed their contrast of dark and white."""
     beyond, first, white = squares[0, 1:-1], squares[1, 1:-1], white[0]
     level = _levels(first)
     seen = np.isfinite(level).all(axis=1) & (level[:, 1] - level[:, 0] >= LEAST)
@@ -65,8 +75,10 @@ def _ends_above(squares: Array, white: Bool[Array, "r c"]) -> bool:
     values = (values - level[seen, :1, None]) / (level[seen, 1] - level[seen, 0])[:, None, None]
     samples = values.shape[2]
     out = (samples - np.arange(2 * samples) - 0.5) / samples  # squares beyond the edge
+    strip = (out > NEAR) & (out < FAR)
+    values /= np.clip(np.nan_to_num(values[:, strip].mean(axis=(1, 2)), nan=1.0), 1.0, lost)[:, None, None]
     along = values[:, :, samples // 4 : -samples // 4].mean(axis=2)
-    fine = _is_paper(values[:, (out > NEAR) & (out < FAR)])
+    fine = _is_paper(values[:, strip])
     clear = along[:, (out > 0) & (out < NEAR)].min(axis=1, initial=np.inf) > CLEAR
     near = np.abs(out) < 0.3
     off = _end_of_dark(along[:, near], out[near])

@@ -9,10 +9,10 @@ import numpy as np
 
 from rcdn.targets import quick_test
 from rcdn.targets.aprilgrid import dictionary_of, read_aprilgrid
-from rcdn.targets.bent_lines import bent_board
 from rcdn.targets.charuco import ends_of, markers_of, may_be_mirrored, read_charuco
 from rcdn.targets.families import family_of
 from rcdn.targets.paper import ended_sides
+from rcdn.targets.projected_lattice import projected_board
 from rcdn.targets.puzzle import read_puzzle
 from rcdn.targets.reading import Reading
 from rcdn.targets.rectify import aspect_of, grid_with_ring, rectified, whole_squares, wider
@@ -58,8 +58,8 @@ def _markers(grey: Array, grid: Array, found: Array, given: Charuco | None, part
     marked = quick_test.marked_squares(rectified(grey, grid, quick_test.SAMPLES), inner)
     if marked is None:
         return None, False
-    bent = bent_board(grid, found, (grey.shape[1], grey.shape[0]))
-    wide = rectified(grey, wider(grid), SAMPLES) if bent is None else bent.rectified(grey, SAMPLES)
+    seen = projected_board(grid, found, (grey.shape[1], grey.shape[0]))
+    wide = rectified(grey, wider(grid), SAMPLES) if seen is None else seen.rectified(grey, SAMPLES)
     squares = wide[1:-1, 1:-1]
     lifted = squares - _dark(squares, marked, inner)[:, :, None, None]
     markers = markers_of(lifted, marked, inner, aspect_of(grid), given)

@@ -1,5 +1,5 @@
-"""Coded boards under lenses that bend their lines, and AprilGrids completed from their print: rendered pictures with
-known corners and numbers."""
+"""Coded boards in steep perspective, under lenses that bend their lines and with markers close to their corners, and
+AprilGrids completed from their print: rendered pictures with known corners and numbers."""
 
 from dataclasses import replace
 
@@ -57,11 +57,37 @@ def numbers(image, drawing, xy):
     ids=["7x9", "5x7", "10x4"],
 )
 def test_a_charuco_board_is_read_through_a_fisheye(board):
-    """An odd number of columns is read only where the paper beside it is seen, which needs the bent lattice."""
+    """An odd number of columns is read only where the paper beside it is seen, which needs the lens in the lattice."""
     image, xy = pictured(board, fisheye=150)
     right, wrong, shown = numbers(image, board, xy)
     assert wrong == 0
     assert right == shown > 0.9 * len(xy)
+
+
+@pytest.mark.parametrize("tilt", [0.9, 1.0, 1.1])
+def test_a_small_board_is_read_in_steep_perspective(tilt):
+    """As above: beside three columns of corners, lines must be extrapolated in perspective."""
+    board = charuco(5, 4, "DICT_ARUCO_MIP_36h12", 0.5)
+    image, xy = pictured(board, tilt=tilt)
+    assert numbers(image, board, xy) == (len(xy), 0, len(xy))
+
+
+@pytest.mark.parametrize("ratio", [0.8, 0.85])
+@pytest.mark.parametrize("more", [{}, {"noise": 30.0}, {"blur": 2.5}, {"tilt": 0.6}, {"fisheye": 120.0}])
+def test_markers_may_come_close_to_the_corners(ratio, more):
+    """Rings of a third of the pitch then lie within the markers for most of their length."""
+    board = charuco(7, 5, "DICT_5X5_50", ratio)
+    image, xy = pictured(board, **more)
+    assert numbers(image, board, xy) == (len(xy), 0, len(xy))
+
+
+@pytest.mark.parametrize("inverted", [False, True])
+@pytest.mark.parametrize("blur", [2.0, 2.5])
+def test_a_blurred_board_that_begins_with_another_marker_is_read(inverted, blur):
+    """Where the blur darkens the narrow white around the markers, the paper is brighter than any square."""
+    board = charuco(8, 6, "DICT_4X4_50", 0.8, inverted=inverted, first=11)
+    image, xy = pictured(board, blur=blur, noise=1.0)
+    assert numbers(image, board, xy) == (len(xy), 0, len(xy))
 
 
 @pytest.mark.parametrize("fisheye", [0.0, 150.0])
