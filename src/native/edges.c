@@ -20,12 +20,12 @@ FAST_KERNEL(rcdn_sample, (PICTURE, p), (SIZE, n, xy, 0), (IN, double, xy, n, 2),
     return 0;
 }
 
-/* Contrast `out` (n, 3) of links `start` → `end` (n, 2). */
+/* Contrast `out` (n, 3) of links `start` → `end` (n, 2), or `close` to them. */
 FAST_KERNEL(rcdn_edge_contrast, (PICTURE, p), (SIZE, n, start, 0), (IN, double, start, n, 2), (IN, double, end, n, 2),
-            (OUT, double, out, n, 3)) {
+            (INT, close, 0, 1), (OUT, double, out, n, 3)) {
     Places w;
     for (index_t k = 0; k < n; k++)
-        sides_differ(&p, start + 2 * k, end + 2 * k, 0, &w, out + 3 * k);
+        sides_differ(&p, start + 2 * k, end + 2 * k, (int)close, &w, out + 3 * k);
     return 0;
 }
 

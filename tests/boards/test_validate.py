@@ -1,7 +1,9 @@
 """Drop-only validation."""
 
+from dataclasses import replace
 from itertools import pairwise
 
+import cv2
 import numpy as np
 import pytest
 from board_scene import view
@@ -11,7 +13,7 @@ from hypothesis import strategies as st
 from rcdn.boards.edges import edge_sharpness
 from rcdn.boards.graph import Field
 from rcdn.boards.local import Grid, cell_count
-from rcdn.boards.validate import believable, distinct, plain, predicted_excess, prune
+from rcdn.boards.validate import believable, distinct, has_rims, plain, predicted_excess, prune
 from rcdn.geometry.rules import CHECKER
 
 COLS, ROWS, PITCH = 7, 5, 20.0
@@ -263,6 +265,37 @@ def test_boards_of_soft_edges_must_be_larger(cols, rows, blur, answer):
     wave = np.sin(np.pi * u) * np.sin(np.pi * v)
     grey = (128 + 100 * np.tanh(wave / blur / 2 if blur < 0.1 else wave)).astype(np.float32)
     assert distinct(grid, grey) == answer
+
+
+def test_narrow_rims_around_markers_are_sharp():
+    """Foreshortened squares, the dark ones with white markers of .75: across their long sides, a tenth of the length is
+    inside the marker."""
+    width, height = 32, 56
+    dark = np.indices((6, 6)).sum(axis=0) % 2 == 0
+    grey = np.kron(np.where(dark, 20, 220), np.ones((height, width))).astype(np.float32)
+    for row, column in zip(*np.nonzero(dark), strict=True):
+        y, x = row * height, column * width
+        grey[y + 7 : y + height - 7, x + 4 : x + width - 4] = 220
+    grey = cv2.GaussianBlur(grey, (0, 0), 0.8)
+    field, grid = lattice(3, 4)
+    grid.xy[:] = field.xy[:] = np.array(list(grid.at)) * [width, height] + [2 * width - 0.5, 2 * height - 0.5]
+    field.contrast[:] = 200
+    field = replace(field, grey=grey)
+    assert not distinct(grid, grey)
+    assert has_rims(grid, field)
+
+
+@pytest.mark.parametrize(
+    ("pitch", "blur", "answer"), [(40, 0.02, True), (40, 0.4, False), (18, 0.4, False), (8, 0.4, False)]
+)
+def test_waves_have_no_rims(pitch, blur, answer):
+    y, x = np.mgrid[:400, :400] - 40.0
+    wave = np.sin(np.pi * x / pitch) * np.sin(np.pi * y / pitch)
+    grey = (128 + 100 * np.tanh(wave / blur / 2 if blur < 0.1 else wave)).astype(np.float32)
+    field, grid = lattice(4, 4)
+    grid.xy[:] = field.xy[:] = np.array(list(grid.at)) * float(pitch) + 40
+    field.contrast[:] = np.ptp(grey)
+    assert has_rims(grid, replace(field, grey=grey)) == answer
 
 
 @pytest.mark.parametrize(

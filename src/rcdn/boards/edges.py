@@ -19,15 +19,18 @@ _sample, _contrast, _steps = bind("rcdn_sample"), bind("rcdn_edge_contrast"), bi
 _crossings = bind("rcdn_crossings")
 
 
-def edge_contrast(grey: Array, start: Real[Array, "l 2"], end: Real[Array, "l 2"]) -> Real[Array, "l 3"]:
+def edge_contrast(
+    grey: Array, start: Real[Array, "l 2"], end: Real[Array, "l 2"], close: bool = False
+) -> Real[Array, "l 3"]:
     """Contrast between the two sides of each link, (L, 3) grey levels: the mean difference in each third of its length.
 
     `start`, `end` (L, 2) px. Positive: the side at rising angle (clockwise on the screen) from the direction
-    start → end is brighter. Offsets to the side stay between 1 and 5 px; at both ends, where blur mixes all four
-    squares, nothing is sampled.
+    start → end is brighter. Offsets to the side are a seventh of the length, from 1 to 5 px, or if `close` a thirtieth,
+    from 1 to 2.5 px: a marker may leave only a narrow rim of a square. At both ends, where blur mixes all four squares,
+    nothing is sampled.
     """
     out = np.empty((len(start), 3))
-    _contrast(grey, _plane(start), _plane(end), out)
+    _contrast(grey, _plane(start), _plane(end), int(close), out)
     return out
 
 

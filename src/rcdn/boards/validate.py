@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rcdn.boards.edges import edge_sharpness
+from rcdn.boards.edges import edge_contrast, edge_sharpness
 from rcdn.boards.graph import Field
 from rcdn.boards.local import Grid, at_steps, cell_count
 from rcdn.corners.adaptive import nearest_pitch
@@ -120,6 +120,26 @@ def distinct(grid: Grid, grey: Array) -> bool:
     if edge_sharpness(grey, xy[row], xy[following[row, way]]) >= SOFT:
         return True
     return len(grid) >= SOFT_LEAST and len(grid) >= SOFT_FILL * float(np.prod(np.ptp(labels, axis=0) + 1))
+
+
+RIM_PITCH, RIM = 16.0, 0.6
+"""least median length of a grid's links, px, and least contrast close to them, share of its corners': 1 px beside them,
+waves and ramps of that length have .2"""
+
+
+def has_rims(grid: Grid, field: Field) -> bool:
+    """Whether the grid's edges are sharp close to them. Where a marker leaves a narrow rim of a square, what lies
+    farther inside says nothing of the edge."""
+    labels, xy = grid.labels, grid.xy[grid.corners]
+    following = at_steps(labels, labels, CHECKER.steps[:2])
+    row, way = np.nonzero(following >= 0)
+    start, end = xy[row], xy[following[row, way]]
+    known = grid.corners[grid.corners < len(field.xy)]
+    if not len(known) or median(np.linalg.norm(end - start, axis=1)) < RIM_PITCH:
+        return False
+    colour = np.where((labels[row].sum(axis=1) + way) % 2, 1, -1)
+    shown = edge_contrast(field.grey, start, end, close=True).mean(axis=1) * colour
+    return abs(median(shown)) >= RIM * median(field.contrast[known])
 
 
 CENTRE, SIDE, INSIDE = 0.25, 0.12, 0.6
