@@ -33,7 +33,6 @@ STAGES = (
     ("nms", "rcdn.corners.maxima:nms"),
     ("refine", "rcdn.corners:refine"),
     ("refine", "rcdn.corners.peaks:refine"),
-    ("axes", "rcdn.corners:axes"),
     ("axes", "rcdn.corners.peaks:axes"),
     ("candidates, rest", "rcdn.views:find_maxima"),
     ("candidates, rest", "rcdn.views:candidates_at"),
