@@ -114,12 +114,18 @@ SOFT, SOFT_LEAST, SOFT_FILL = 0.5, 20, 0.8
 def distinct(grid: Grid, grey: Array) -> bool:
     """Whether the board has sharp edges, or enough corners to exclude folds and tartans, whose profiles resemble a
     blurred board's."""
+    if edge_sharpness(grey, *_edges(grid)[2:]) >= SOFT:
+        return True
+    return len(grid) >= SOFT_LEAST and len(grid) >= SOFT_FILL * float(np.prod(np.ptp(grid.labels, axis=0) + 1))
+
+
+def _edges(grid: Grid) -> tuple[Array, Array, Array, Array]:
+    """The sides of the grid's squares: the row (L,) of the corner where each begins, 0 if it leads along u and 1 along
+    v (L,), and where it begins and ends (L, 2) px."""
     labels, xy = grid.labels, grid.xy[grid.corners]
     following = at_steps(labels, labels, CHECKER.steps[:2])
     row, way = np.nonzero(following >= 0)
-    if edge_sharpness(grey, xy[row], xy[following[row, way]]) >= SOFT:
-        return True
-    return len(grid) >= SOFT_LEAST and len(grid) >= SOFT_FILL * float(np.prod(np.ptp(labels, axis=0) + 1))
+    return row, way, xy[row], xy[following[row, way]]
 
 
 RIM_PITCH, RIM = 16.0, 0.6
@@ -130,14 +136,11 @@ waves and ramps of that length have .2"""
 def has_rims(grid: Grid, field: Field) -> bool:
     """Whether the grid's edges are sharp close to them. Where a marker leaves a narrow rim of a square, what lies
     farther inside says nothing of the edge."""
-    labels, xy = grid.labels, grid.xy[grid.corners]
-    following = at_steps(labels, labels, CHECKER.steps[:2])
-    row, way = np.nonzero(following >= 0)
-    start, end = xy[row], xy[following[row, way]]
+    row, way, start, end = _edges(grid)
     known = grid.corners[grid.corners < len(field.xy)]
     if not len(known) or median(np.linalg.norm(end - start, axis=1)) < RIM_PITCH:
         return False
-    colour = np.where((labels[row].sum(axis=1) + way) % 2, 1, -1)
+    colour = np.where((grid.labels[row].sum(axis=1) + way) % 2, 1, -1)
     shown = edge_contrast(field.grey, start, end, close=True).mean(axis=1) * colour
     return abs(median(shown)) >= RIM * median(field.contrast[known])
 
