@@ -254,13 +254,13 @@ def test_the_alarm_of_a_dead_network(tmp_path, monkeypatch):
 
 def test_batches_without_corners_say_nothing_of_a_death(tmp_path, monkeypatch):
     monkeypatch.setattr(loop, "DEAD_AFTER", 1)
-    original = loop.batch
+    original = loop.cut
 
     def empty(*args):
         image, goal = original(*args)
         return image, goal._replace(positive=torch.zeros_like(goal.positive))
 
-    monkeypatch.setattr(loop, "batch", empty)
+    monkeypatch.setattr(loop, "cut", empty)
     folder = run(A, tmp_path)
     assert rows(folder)[-1]["positive"] == "0.0"
 

@@ -33,6 +33,8 @@ class TrainConfig:
     without batch normalisation;
     `teacher`: name of a run in the same folder to whose network one 1×1 layer is added (A → B, E → F; paper section
     3.1), or ''; the teacher's layers are frozen for the first `frozen` steps;
+    `mined`: every so many steps the averaged network looks at all crops, and from then on every second window is drawn by
+    how much it answers where there is no corner; 0: never;
     `labelled`: a file of labelled pictures, or its folder (`labelled.read_labelled`), or ''; crops of them are the
     share `labelled_share` of the training data.
     """
@@ -56,6 +58,7 @@ class TrainConfig:
     teacher: str = ""
     frozen: int = 0
     batch_norm: bool = False
+    mined: int = 0
     labelled: str = ""
     labelled_share: float = 0.25
     pool: PoolConfig = field(default_factory=PoolConfig)
@@ -101,6 +104,7 @@ _CHOICES: dict[str, Any] = {
 _RANGES = {
     "batch": (1, 100_000), "side": (1, 10_000), "steps": (1, 10**9), "validate_every": (1, 10**9),
     "seed": (0, 2**32 - 1), "rate": (0, 100), "decay": (0, 100), "clip": (0, 1e6), "ema": (0, 1), "frozen": (0, 10**9),
+    "mined": (0, 10**9),
 }  # fmt: skip
 
 

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import cv2
+import numpy as np
 import torch
 from lightning_fabric import Fabric
 from rich.console import Console
@@ -34,11 +35,16 @@ from rcdn.training.labelled import fingerprint, labelled_pool, read_labelled
 from rcdn.training.loss import ACTIVATION, LOSSES
 from rcdn.training.machine import machine
 from rcdn.training.net import ARCHITECTURES, CornerNet, build, grow, load_average, load_run, read_report, without_norms
-from rcdn.training.samples import Batches, Pool, batch, joined, make_pool
+from rcdn.training.on_device import DevicePool, Recorded
+from rcdn.training.samples import Batches, Pool, cut, joined, make_pool, whole, windows
 from rcdn.training.validate import validate
 from rcdn.types.plane import Pattern
 
 DEAD_AFTER, DEAD_RESPONSE = 500, 1e-3
+LOOK = 100
+"""steps on a graphics card between two looks at its numbers, for which the processor must wait"""
+FALSE = 0.25
+"""response from which on background counts as falsely answered"""
 
 
 class DeadNetError(RcdnError):
@@ -98,17 +104,19 @@ def _learn(
     model, optimiser = fabric.setup(net, optimiser)
     average = average.to(fabric.device)
     state: dict[str, Any] = {"model": model, "optimiser": optimiser, "schedule": schedule, "ema": average}
-    state |= {"step": 0, "seconds": 0.0}
+    state |= {"step": 0, "seconds": 0.0, "often": torch.zeros(0)}
     if resume and (folder / "last.pt").exists():
         _restore(fabric, folder / "last.pt", state)
     fabric.barrier()
     if fabric.is_global_zero:
         _clear_after(state["step"], folder)
-    loader = fabric.setup_dataloaders(_loader(config, pool, state["step"], workers, fabric))
-    run = _Run(config, folder, fabric, state, pool if overfit else None, kept)
+    run = _Run(config, folder, fabric, state, pool, overfit, kept)
     run.facts |= {"labelled": pool.labelled} if pool.labelled else {}
     try:
-        run.go(loader)
+        if run.on_device is not None:
+            run.go(run.numbers())
+        else:
+            run.go(fabric.setup_dataloaders(_loader(config, pool, state, workers, fabric)))
     finally:
         run.close()
 
@@ -180,19 +188,27 @@ def _optimiser(
     return adam, torch.optim.lr_scheduler.OneCycleLR(adam, config.rate, config.steps, pct_start=0.1)
 
 
-def _loader(config: TrainConfig, pool: Pool, start: int, workers: int, fabric: Fabric) -> Any:
-    make = partial(_numbered, pool, config, fabric.global_rank)
-    batches = Batches(make, start, config.steps)
-    return torch.utils.data.DataLoader(batches, batch_size=None, num_workers=workers, worker_init_fn=_start_worker)
+def _loader(config: TrainConfig, pool: Pool, state: dict[str, Any], workers: int, fabric: Fabric) -> Any:
+    make = partial(_numbered, pool, config, fabric.global_rank, state)
+    batches = Batches(make, state["step"], config.steps)
+    count = 0 if config.mined else workers  # a worker wouldn't see what is mined
+    return torch.utils.data.DataLoader(batches, batch_size=None, num_workers=count, worker_init_fn=_start_worker)
 
 
 def _start_worker(_: int) -> None:
     end_with_parent()
 
 
-def _numbered(pool: Pool, config: TrainConfig, rank: int, step: int) -> Any:
-    arch, seed = ARCHITECTURES[config.architecture], (config.seed, rank, step)
-    return batch(pool, arch, config.side, config.batch, config.normalisation, config.ring, seed)
+def _windows(config: TrainConfig, pool: Pool, rank: int, often: torch.Tensor, step: int) -> Any:
+    """What is random about the batch of a step."""
+    room = pool.images.shape[1] - config.side
+    probability = often.cpu().double().numpy() if len(often) else None
+    return windows(len(pool), room, config.batch, config.normalisation, (config.seed, rank, step), probability)
+
+
+def _numbered(pool: Pool, config: TrainConfig, rank: int, state: dict[str, Any], step: int) -> Any:
+    chosen = _windows(config, pool, rank, state["often"], step)
+    return cut(pool, chosen, ARCHITECTURES[config.architecture], config.side, config.normalisation, config.ring)
 
 
 class _Run:
@@ -204,15 +220,33 @@ class _Run:
         folder: Path,
         fabric: Fabric,
         state: dict[str, Any],
-        overfit: Pool | None,
+        pool: Pool,
+        overfit: bool,
         kept: list[torch.nn.Parameter],
     ) -> None:
-        self.kept = kept
-        self.config, self.folder, self.fabric, self.state, self.overfit = config, folder, fabric, state, overfit
-        self.loss_sum, self.positive_sum, self.count, self.silent = 0.0, 0.0, 0, 0
+        self.kept, self.pool = kept, pool
+        self.config, self.folder, self.fabric, self.state = config, folder, fabric, state
+        self.overfit = pool if overfit else None
+        self.loss_sum, self.positive_sum, self.count, self.silent = (torch.zeros((), device=fabric.device),) * 4
         self.clock = time.perf_counter()
         self.facts: dict[str, Any] = {"commit": commit(), "machine": machine()}  # of the code that runs now, not later
         self.events: Any = SummaryWriter(str(folder / "events")) if fabric.is_global_zero else None
+        self.margins = ARCHITECTURES[config.architecture].margins
+        self.on_device: DevicePool | None = None
+        self.recorded: Recorded | None = None
+        if fabric.device.type == "cuda" and fabric.world_size == 1:
+            torch.backends.cudnn.benchmark = True  # windows are all of one size
+            self.on_device = DevicePool(pool, config.normalisation, config.ring, config.loss == "heatmap", fabric.device)
+
+    def numbers(self) -> Any:
+        """What the card needs for a batch, step by step."""
+        assert self.on_device
+        often = None
+        for step in range(self.state["step"], self.config.steps):
+            if often is not self.state["often"]:
+                often = self.state["often"]
+                host = often.cpu()
+            yield self.on_device.numbers(_windows(self.config, self.pool, 0, host, step))
 
     def go(self, loader: Any) -> None:
         """Train to the end."""
@@ -220,11 +254,15 @@ class _Run:
         quiet = not (self.fabric.is_global_zero and sys.stderr.isatty())
         with Progress(*columns, console=Console(stderr=True), disable=quiet) as bar:
             task = bar.add_task(self.config.name, total=self.config.steps, completed=self.state["step"])
-            for image, goal in loader:
-                self.step(image, goal)
-                text = f"{self.config.name} loss {self.loss_sum / self.count:.4f}"
-                bar.update(task, completed=self.state["step"], description=text)
-                if self.state["step"] % self.config.validate_every == 0 or self.state["step"] == self.config.steps:
+            for batch in loader:
+                self.step(*batch)
+                step = self.state["step"]
+                if not quiet and step % 10 == 0:
+                    text = f"{self.config.name} loss {float(self.loss_sum / self.count):.4f}"
+                    bar.update(task, completed=step, description=text)
+                if self.config.mined and step % self.config.mined == 0:
+                    self.state["often"] = self.mined()
+                if step % self.config.validate_every == 0 or step == self.config.steps:
                     self.report()
 
     def close(self) -> None:
@@ -232,14 +270,15 @@ class _Run:
         if self.events is not None:
             self.events.close()
 
-    def step(self, image: torch.Tensor, goal: Any) -> None:
+    def step(self, *batch: Any) -> None:
         """One update of the weights and of their moving average."""
         model, optimiser = self.state["model"], self.state["optimiser"]
         model.train()
-        z = model(image.to(memory_format=torch.channels_last))
-        loss = LOSSES[self.config.loss](z, goal)
-        optimiser.zero_grad()
-        self.fabric.backward(loss)
+        if self.on_device is None:
+            optimiser.zero_grad()
+            loss, positive = self._gradients(*batch)
+        else:
+            loss, positive = self._replayed(*batch)
         if self.state["step"] < self.config.frozen:
             for parameter in self.kept:
                 parameter.grad = None  # the optimiser skips it
@@ -249,37 +288,85 @@ class _Run:
         self.state["schedule"].step()
         self.state["step"] += 1
         self._average(model)
-        self._watch(float(loss.detach()), z.detach(), goal)
+        self._watch(loss, positive)
+
+    def _gradients(self, image: torch.Tensor, goal: Any) -> tuple[torch.Tensor, torch.Tensor]:
+        """The loss, and the mean response at its corners (NaN without corners); gradients are left at the parameters."""
+        z = self.state["model"](image.to(memory_format=torch.channels_last))
+        loss = LOSSES[self.config.loss](z, goal)
+        self.fabric.backward(loss)
+        response = self._response(z.detach())
+        return loss.detach(), (response * goal.positive).sum() / goal.positive.sum()
+
+    def _response(self, z: torch.Tensor) -> torch.Tensor:
+        return torch.relu(z) if ACTIVATION[self.config.loss] == "relu" else torch.sigmoid(z)
+
+    def _replayed(self, *numbers: torch.Tensor) -> Any:
+        """As `_gradients`, of the windows that `numbers` tells the card."""
+        parameters = list(self.state["model"].parameters())
+        if self.recorded is None:
+            pool, side = self.on_device, self.config.side
+            assert pool
+
+            def work(*numbers: torch.Tensor) -> Any:
+                for parameter in parameters:
+                    parameter.grad = None
+                return self._gradients(*pool.batch(*numbers, side, self.margins))
+
+            self.recorded = Recorded(work, numbers, list(self.state["model"].buffers()))
+            self.grads = [parameter.grad for parameter in parameters]
+        for parameter, grad in zip(parameters, self.grads, strict=True):
+            parameter.grad = grad
+        return self.recorded(*numbers)
+
+    @torch.no_grad()
+    def mined(self) -> torch.Tensor:
+        """Cumulative sum over the crops of their background's false response, by the averaged network."""
+        net, found = self.state["ema"], []
+        for start in range(0, len(self.pool), 100):
+            chosen = whole(np.arange(start, min(start + 100, len(self.pool))))
+            side, config = self.pool.images.shape[1], self.config
+            if self.on_device is None:
+                image, goal = cut(self.pool, chosen, net.architecture, side, config.normalisation, config.ring)
+                image = image.to(self.fabric.device)
+            else:
+                image, goal = self.on_device.batch(*self.on_device.numbers(chosen), side, self.margins)
+            excess = (self._response(net(image)) - FALSE).clamp(0, 1)
+            near = torch.nn.functional.max_pool2d(goal.positive.float().to(excess.device), 9, 1, 4) > 0
+            found.append((excess * goal.weight.to(excess.device) * ~near).sum((1, 2)))
+        total = torch.cat(found).double()
+        return torch.cumsum(total if bool(total.sum() > 0) else torch.ones_like(total), 0)
 
     @torch.no_grad()
     def _average(self, model: Any) -> None:
         keep = min(self.config.ema, (1 + self.state["step"]) / (10 + self.state["step"]))
-        for kept, new in zip(self.state["ema"].state_dict().values(), model.state_dict().values(), strict=True):
-            if kept.dtype.is_floating_point:
-                kept.lerp_(new, 1 - keep)
-            else:
+        pairs = list(zip(self.state["ema"].state_dict().values(), model.state_dict().values(), strict=True))
+        floating = [(kept, new) for kept, new in pairs if kept.dtype.is_floating_point]
+        torch._foreach_lerp_([kept for kept, _ in floating], [new for _, new in floating], 1 - keep)
+        for kept, new in pairs:
+            if not kept.dtype.is_floating_point:
                 kept.copy_(new)
 
-    def _watch(self, loss: float, z: torch.Tensor, goal: Any) -> None:
-        response = torch.relu(z) if ACTIVATION[self.config.loss] == "relu" else torch.sigmoid(z)
-        positive = float(response[goal.positive].mean()) if bool(goal.positive.any()) else math.nan
-        self.loss_sum += loss
-        self.positive_sum += 0.0 if math.isnan(positive) else positive
-        self.count += 1
-        self.silent = 0 if positive >= DEAD_RESPONSE else self.silent + (positive < DEAD_RESPONSE)
-        if self.silent >= DEAD_AFTER:
+    def _watch(self, loss: torch.Tensor, positive: torch.Tensor) -> None:
+        self.loss_sum = self.loss_sum + loss
+        self.positive_sum = self.positive_sum + positive.nan_to_num(0.0)
+        self.count = self.count + 1
+        self.silent = torch.where(positive >= DEAD_RESPONSE, 0, self.silent + (positive < DEAD_RESPONSE))
+        look = self.fabric.device.type == "cpu" or self.state["step"] % LOOK == 0
+        if look and float(self.silent) >= DEAD_AFTER:
             raise DeadNetError(
-                f"{self.config.name}: no response at any corner for {DEAD_AFTER} steps (loss {loss:.4f}); "
+                f"{self.config.name}: no response at any corner for {DEAD_AFTER} steps (loss {float(loss):.4f}); "
                 'the net is dead: use another seed, or loss = "safe"'
             )
 
     def report(self) -> None:
         """Validate, log, save."""
+        loss, positive = (float(total / self.count) for total in (self.loss_sum, self.positive_sum))  # waits for the card
         self.state["seconds"] += time.perf_counter() - self.clock
         row = {
             "step": self.state["step"],
-            "loss": round(self.loss_sum / self.count, 6),
-            "positive": round(self.positive_sum / self.count, 4),
+            "loss": round(loss, 6),
+            "positive": round(positive, 4),
             "seconds": round(self.state["seconds"], 1),
         }
         if self.fabric.is_global_zero:
@@ -289,7 +376,8 @@ class _Run:
         if self.fabric.is_global_zero:
             (self.folder / "new.pt").replace(self.folder / "last.pt")
         self.fabric.barrier()
-        self.loss_sum, self.positive_sum, self.count, self.clock = 0.0, 0.0, 0, time.perf_counter()
+        self.loss_sum, self.positive_sum, self.count = (torch.zeros((), device=self.fabric.device),) * 3
+        self.clock = time.perf_counter()
 
     def _save(self, path: Path) -> None:
         try:

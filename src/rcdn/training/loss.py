@@ -46,7 +46,7 @@ def _hinge(a: Tensor) -> Tensor:
     """−(1 − a) ln a for a ≥ KNEE, 0 from 1 on, and its tangent below KNEE."""
     inner = a.clamp(KNEE, 1.0)
     curve = -(1 - inner) * inner.log()
-    knee = torch.tensor(KNEE, dtype=a.dtype, device=a.device)
+    knee = torch.full((), KNEE, dtype=a.dtype, device=a.device)
     value, slope = -(1 - knee) * knee.log(), knee.log() - (1 - knee) / knee
     return torch.where(a < KNEE, value + slope * (a - KNEE), curve)
 

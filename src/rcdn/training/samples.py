@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from itertools import repeat
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -158,56 +158,100 @@ def _render(config: PoolConfig, todo: list[tuple[range, Path]], workers: int | N
         yield from executor.map(_render_chunk, repeat(config), *zip(*todo, strict=True))
 
 
-def _turned(image: Array, labels: Array, rng: np.random.Generator) -> tuple[Array, Array]:
-    """The sample under a random one of the eight symmetries of the square, inverted with probability ½."""
+class Windows(NamedTuple):
+    """What is random about a batch of n windows. `crop` (n,): numbers of the crops; `turn` (n, 4) bool: mirrored left to
+    right, upside down, transposed, inverted, in this order; `corner` (n, 2): x, y of the window in the turned crop, px;
+    `span`, `base` (n,) float32: the grey level g becomes span · g + base."""
+
+    crop: Array
+    turn: Array
+    corner: Array
+    span: Array
+    base: Array
+
+
+def windows(crops: int, room: int, size: int, kind: str, seed: tuple[int, ...], often: Array | None = None) -> Windows:
+    """Windows of a batch of `size`, from `crops` crops, each of which has `room` px more than a window; they depend on
+    the arguments only. `often` (crops,): the cumulative sum of the crops' probabilities, by which every second window
+    is drawn; the others are drawn evenly."""
+    rng = np.random.default_rng(seed)
+    crop = rng.integers(0, crops, size)
+    turn, corner = np.empty((size, 4), bool), np.empty((size, 2), np.int64)
+    span, base = np.ones(size, np.float32), np.zeros(size, np.float32)
+    for k in range(size):
+        turn[k] = [rng.random() < 0.5 for _ in range(4)]
+        corner[k] = rng.integers(0, room + 1, 2)
+        if kind == "minmax" and rng.random() < 0.7:  # a crop seldom spans its picture's whole range
+            span[k] = rng.uniform(0.65, 1.0)
+            base[k] = rng.uniform(0, 1 - float(span[k]))
+    if often is not None:
+        crop[::2] = np.searchsorted(often, rng.random(len(crop[::2])) * often[-1], side="right").clip(max=crops - 1)
+    return Windows(crop, turn, corner, span, base)
+
+
+def whole(crops: Array) -> Windows:
+    """These crops as they are, not turned and not cut."""
+    n = len(crops)
+    still = np.zeros((n, 4), bool), np.zeros((n, 2), np.int64), np.ones(n, np.float32), np.zeros(n, np.float32)
+    return Windows(crops, *still)
+
+
+def _turned(image: Array, labels: Array, turn: Array) -> tuple[Array, Array]:
+    """The sample under one of the eight symmetries of the square, and inverted, as `Windows.turn` says."""
     n = image.shape[0] - 1
     xy = labels[:, :2].copy()
-    if rng.random() < 0.5:
+    mirrored, upside_down, transposed, inverted = turn
+    if mirrored:
         image, xy = image[:, ::-1], xy * [-1, 1] + [n, 0]
-    if rng.random() < 0.5:
+    if upside_down:
         image, xy = image[::-1], xy * [1, -1] + [0, n]
-    if rng.random() < 0.5:
+    if transposed:
         image, xy = image.T, xy[:, ::-1]
-    if rng.random() < 0.5:
+    if inverted:
         image = 255 - image
     return image, np.column_stack([xy, labels[:, 2]])
 
 
-def draw(pool: Pool, index: int, side: int, kind: str, rng: np.random.Generator) -> tuple[Array, Array]:
-    """One sample: a random `side`² window of a crop under a random symmetry; normalised grey float32 and its labels."""
+def draw(pool: Pool, chosen: Windows, k: int, side: int, kind: str) -> tuple[Array, Array]:
+    """Window `k` of `chosen`, `side`² px: normalised grey float32 and its labels."""
+    index = int(chosen.crop[k])
     labels = pool.labels[index]
     labels = labels[np.isfinite(labels[:, 0])]
-    image, labels = _turned(pool.images[index], labels, rng)
-    x, y = rng.integers(0, image.shape[0] - side + 1, 2)
+    image, labels = _turned(pool.images[index], labels, chosen.turn[k])
+    x, y = chosen.corner[k]
     grey = normalise(np.ascontiguousarray(image), kind)[y : y + side, x : x + side]
-    if kind == "minmax" and rng.random() < 0.7:  # a crop seldom spans its picture's whole range
-        span = rng.uniform(0.65, 1.0)
-        grey = grey * np.float32(span) + np.float32(rng.uniform(0, 1 - span))
-    return grey, labels - [x, y, 0]
+    return grey * chosen.span[k] + chosen.base[k], labels - [x, y, 0]
 
 
 def targets(labels: list[Array], shape: tuple[int, int], ring: bool) -> Targets:
     """Label maps of a batch; `labels` in output pixels. `ring`: exclude the 8 neighbours of a corner from the loss."""
-    h, w = shape
-    positive = np.zeros((len(labels), h, w), bool)
-    weight, heat = np.ones((len(labels), h, w), np.float32), np.zeros((len(labels), h, w), np.float32)
-    gy, gx = np.mgrid[-4:5, -4:5].reshape(2, -1)
-    for b, label in enumerate(labels):
-        base = np.floor(label[:, :2] + 0.5).astype(int)
-        px, py = base[:, :1] + gx, base[:, 1:] + gy  # (n, 81)
-        d2 = (px - label[:, :1]) ** 2 + (py - label[:, 1:2]) ** 2
-        ok = (px >= 0) & (px < w) & (py >= 0) & (py < h)
-        sure = np.repeat(label[:, 2:] > 0, 81, axis=1)
-        np.maximum.at(heat[b], (py[ok & sure], px[ok & sure]), np.exp(-d2[ok & sure] / 2).astype(np.float32))
-        blind = ok & ~sure & (d2 < 16)
-        weight[b][py[blind], px[blind]] = 0
-        if ring:
-            near = ok & sure & (np.maximum(np.abs(gx), np.abs(gy)) == 1)
-            weight[b][py[near], px[near]] = 0
-        own = ok & sure & ((gx == 0) & (gy == 0))
-        positive[b][py[own], px[own]] = True
-        weight[b][py[own], px[own]] = 1
-    return Targets(torch.from_numpy(positive), torch.from_numpy(weight), torch.from_numpy(heat))
+    owner = np.repeat(np.arange(len(labels)), [len(label) for label in labels])
+    every = np.concatenate(labels) if labels else np.zeros((0, 3))
+    return painted(torch.from_numpy(owner), torch.from_numpy(every.astype(float)), (len(labels), *shape), ring)
+
+
+def painted(owner: Tensor, labels: Tensor, shape: tuple[int, int, int], ring: bool) -> Targets:
+    """As `targets`, of `labels` (n, 3) that lie on the maps `owner` (n,); computed where these tensors are."""
+    count, h, w = shape
+    device = labels.device
+    positive = torch.zeros(count * h * w, dtype=torch.bool, device=device)
+    weight, heat = torch.ones(count * h * w, device=device), torch.zeros(count * h * w, device=device)
+    near = torch.arange(-4, 5, device=device)
+    gy, gx = (g.reshape(-1) for g in torch.meshgrid(near, near, indexing="ij"))
+    base = torch.floor(labels[:, :2] + 0.5).long()
+    px, py = base[:, :1] + gx, base[:, 1:] + gy  # (n, 81)
+    d2 = (px - labels[:, :1]) ** 2 + (py - labels[:, 1:2]) ** 2
+    ok = (px >= 0) & (px < w) & (py >= 0) & (py < h)
+    sure = (labels[:, 2:] > 0).expand(-1, 81)
+    flat = owner[:, None] * (h * w) + py * w + px
+    heat.scatter_reduce_(0, flat[ok & sure], torch.exp(-d2[ok & sure] / 2).float(), "amax")
+    weight[flat[ok & ~sure & (d2 < 16)]] = 0
+    if ring:
+        weight[flat[ok & sure & (torch.maximum(gx.abs(), gy.abs()) == 1)]] = 0
+    own = flat[ok & sure & ((gx == 0) & (gy == 0))]
+    positive[own] = True
+    weight[own] = 1
+    return Targets(positive.view(shape), weight.view(shape), heat.view(shape))
 
 
 def batch(
@@ -217,12 +261,18 @@ def batch(
 
     It depends on its arguments only, so that a resumed run gets the same batches as an uninterrupted one.
     """
-    rng = np.random.default_rng(seed)
-    chosen = [draw(pool, int(i), side, kind, rng) for i in rng.integers(0, len(pool), size)]
+    return cut(pool, windows(len(pool), pool.images.shape[1] - side, size, kind, seed), arch, side, kind, ring)
+
+
+def cut(
+    pool: Pool, chosen: Windows, arch: Architecture, side: int, kind: str, ring: bool
+) -> tuple[Tensor, Targets]:
+    """The batch of the windows `chosen`."""
+    drawn = [draw(pool, chosen, k, side, kind) for k in range(len(chosen.crop))]
     before, after = arch.margins
     out = side - before - after
-    image = torch.from_numpy(np.stack([g for g, _ in chosen]))[:, None]
-    return image, targets([label - [before, before, 0] for _, label in chosen], (out, out), ring)
+    image = torch.from_numpy(np.stack([g for g, _ in drawn]))[:, None]
+    return image, targets([label - [before, before, 0] for _, label in drawn], (out, out), ring)
 
 
 class Batches(torch.utils.data.IterableDataset):
