@@ -33,8 +33,8 @@ class TrainConfig:
     without batch normalisation;
     `teacher`: name of a run in the same folder to whose network one 1×1 layer is added (A → B, E → F; paper section
     3.1), or ''; the teacher's layers are frozen for the first `frozen` steps;
-    `mined`: every so many steps the averaged network looks at all crops, and from then on every second window is drawn by
-    how much it answers where there is no corner; 0: never;
+    `mined`: every so many steps the averaged network looks at all crops, and from then on every second window is drawn
+    by how much it answers where there is no corner; 0: never;
     `labelled`: a file of labelled pictures, or its folder (`labelled.read_labelled`), or ''; crops of them are the
     share `labelled_share` of the training data.
     """

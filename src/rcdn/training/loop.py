@@ -236,7 +236,8 @@ class _Run:
         self.recorded: Recorded | None = None
         if fabric.device.type == "cuda" and fabric.world_size == 1:
             torch.backends.cudnn.benchmark = True  # windows are all of one size
-            self.on_device = DevicePool(pool, config.normalisation, config.ring, config.loss == "heatmap", fabric.device)
+            heat = config.loss == "heatmap"
+            self.on_device = DevicePool(pool, config.normalisation, config.ring, heat, fabric.device)
 
     def numbers(self) -> Any:
         """What the card needs for a batch, step by step."""
@@ -291,7 +292,7 @@ class _Run:
         self._watch(loss, positive)
 
     def _gradients(self, image: torch.Tensor, goal: Any) -> tuple[torch.Tensor, torch.Tensor]:
-        """The loss, and the mean response at its corners (NaN without corners); gradients are left at the parameters."""
+        """The loss, and the mean response at its corners (NaN if none); gradients are left at the parameters."""
         z = self.state["model"](image.to(memory_format=torch.channels_last))
         loss = LOSSES[self.config.loss](z, goal)
         self.fabric.backward(loss)
@@ -311,7 +312,8 @@ class _Run:
             def work(*numbers: torch.Tensor) -> Any:
                 for parameter in parameters:
                     parameter.grad = None
-                return self._gradients(*pool.batch(*numbers, side, self.margins))
+                whole, real = numbers
+                return self._gradients(*pool.batch(whole, real, side, self.margins))
 
             self.recorded = Recorded(work, numbers, list(self.state["model"].buffers()))
             self.grads = [parameter.grad for parameter in parameters]
@@ -361,7 +363,7 @@ class _Run:
 
     def report(self) -> None:
         """Validate, log, save."""
-        loss, positive = (float(total / self.count) for total in (self.loss_sum, self.positive_sum))  # waits for the card
+        loss, positive = (float(total / self.count) for total in (self.loss_sum, self.positive_sum))
         self.state["seconds"] += time.perf_counter() - self.clock
         row = {
             "step": self.state["step"],

@@ -19,8 +19,8 @@ BACKGROUND, CORNER, EXCLUDED = 0, 1, 2
 
 
 class DevicePool:
-    """A pool in the memory of `device`, and the maps of its labels. Memory: N·S² bytes for each of pictures and marks; with
-    `heat` 2 more a pixel, with local contrast 4 more."""
+    """A pool in the memory of `device`, and the maps of its labels. Memory: N·S² bytes for each of pictures and marks;
+    with `heat` 2 more a pixel, with local contrast 4 more."""
 
     def __init__(self, pool: Pool, kind: str, ring: bool, heat: bool, device: torch.device) -> None:
         count, self.size, _ = pool.images.shape
@@ -91,9 +91,9 @@ def _levels(image: Any) -> tuple[float, float]:
 
 
 class Recorded:
-    """`work`, recorded as a CUDA graph with tensors of the shapes of `example`: all kernels that it starts then start as
-    one, which takes a small network's step from the processor's time to the card's. `kept`: tensors that have the values
-    again which they had before `work` was tried."""
+    """`work`, recorded as a CUDA graph with tensors of the shapes of `example`: all kernels that it starts then start
+    as one, so that the card, not the processor, says how long a small network's step takes. `kept`: tensors that have
+    the values again which they had before `work` was tried."""
 
     def __init__(self, work: Callable[..., Any], example: tuple[Tensor, ...], kept: list[Tensor]) -> None:
         self.inputs = [t.clone() for t in example]

@@ -159,9 +159,9 @@ def _render(config: PoolConfig, todo: list[tuple[range, Path]], workers: int | N
 
 
 class Windows(NamedTuple):
-    """What is random about a batch of n windows. `crop` (n,): numbers of the crops; `turn` (n, 4) bool: mirrored left to
-    right, upside down, transposed, inverted, in this order; `corner` (n, 2): x, y of the window in the turned crop, px;
-    `span`, `base` (n,) float32: the grey level g becomes span · g + base."""
+    """What is random about a batch of n windows. `crop` (n,): numbers of the crops; `turn` (n, 4) bool: mirrored left
+    to right, upside down, transposed, inverted, in this order; `corner` (n, 2): x, y of the window in the turned crop,
+    px; `span`, `base` (n,) float32: the grey level g becomes span · g + base."""
 
     crop: Array
     turn: Array
@@ -264,9 +264,7 @@ def batch(
     return cut(pool, windows(len(pool), pool.images.shape[1] - side, size, kind, seed), arch, side, kind, ring)
 
 
-def cut(
-    pool: Pool, chosen: Windows, arch: Architecture, side: int, kind: str, ring: bool
-) -> tuple[Tensor, Targets]:
+def cut(pool: Pool, chosen: Windows, arch: Architecture, side: int, kind: str, ring: bool) -> tuple[Tensor, Targets]:
     """The batch of the windows `chosen`."""
     drawn = [draw(pool, chosen, k, side, kind) for k in range(len(chosen.crop))]
     before, after = arch.margins
