@@ -99,7 +99,8 @@ def _learn(
     if config.start:
         load_average(net, Path(config.start))
     kept = _from_teacher(net, runs / config.teacher) if config.teacher else []
-    optimiser, schedule = _optimiser(net, config)
+    net = net.to(fabric.device)
+    optimiser, schedule = _optimiser(net, config, fabric)
     average = copy.deepcopy(net).requires_grad_(False).eval()
     model, optimiser = fabric.setup(net, optimiser)
     average = average.to(fabric.device)
@@ -179,12 +180,13 @@ def _clear_after(step: int, folder: Path) -> None:
 
 
 def _optimiser(
-    net: CornerNet, config: TrainConfig
+    net: CornerNet, config: TrainConfig, fabric: Fabric
 ) -> tuple[torch.optim.Optimizer, torch.optim.lr_scheduler.LRScheduler]:
     if config.optimiser == "sgd":
         sgd = torch.optim.SGD(net.parameters(), config.rate, momentum=0.9, weight_decay=config.decay)
         return sgd, torch.optim.lr_scheduler.ExponentialLR(sgd, 0.01 ** (1 / config.steps))
-    adam = torch.optim.AdamW(net.parameters(), config.rate, weight_decay=config.decay)
+    fused = fabric.device.type == "cuda"  # one kernel
+    adam = torch.optim.AdamW(net.parameters(), config.rate, weight_decay=config.decay, fused=fused)
     return adam, torch.optim.lr_scheduler.OneCycleLR(adam, config.rate, config.steps, pct_start=0.1)
 
 
@@ -234,6 +236,7 @@ class _Run:
         self.margins = ARCHITECTURES[config.architecture].margins
         self.on_device: DevicePool | None = None
         self.recorded: Recorded | None = None
+        self.averaged: list[list[tuple[torch.Tensor, torch.Tensor]]] | None = None
         if fabric.device.type == "cuda" and fabric.world_size == 1:
             torch.backends.cudnn.benchmark = True  # windows are all of one size
             heat = config.loss == "heatmap"
@@ -333,7 +336,9 @@ class _Run:
                 image = image.to(self.fabric.device)
             else:
                 image, goal = self.on_device.batch(*self.on_device.numbers(chosen), side, self.margins)
-            excess = (self._response(net(image)) - FALSE).clamp(0, 1)
+            with torch.autocast(image.device.type, torch.float16, enabled=image.device.type == "cuda"):
+                z = net(image)
+            excess = (self._response(z.float()) - FALSE).clamp(0, 1)
             near = torch.nn.functional.max_pool2d(goal.positive.float().to(excess.device), 9, 1, 4) > 0
             found.append((excess * goal.weight.to(excess.device) * ~near).sum((1, 2)))
         total = torch.cat(found).double()
@@ -342,12 +347,13 @@ class _Run:
     @torch.no_grad()
     def _average(self, model: Any) -> None:
         keep = min(self.config.ema, (1 + self.state["step"]) / (10 + self.state["step"]))
-        pairs = list(zip(self.state["ema"].state_dict().values(), model.state_dict().values(), strict=True))
-        floating = [(kept, new) for kept, new in pairs if kept.dtype.is_floating_point]
+        if self.averaged is None:
+            pairs = list(zip(self.state["ema"].state_dict().values(), model.state_dict().values(), strict=True))
+            self.averaged = [[p for p in pairs if p[0].dtype.is_floating_point is real] for real in (True, False)]
+        floating, counts = self.averaged
         torch._foreach_lerp_([kept for kept, _ in floating], [new for _, new in floating], 1 - keep)
-        for kept, new in pairs:
-            if not kept.dtype.is_floating_point:
-                kept.copy_(new)
+        for kept, new in counts:
+            kept.copy_(new)
 
     def _watch(self, loss: torch.Tensor, positive: torch.Tensor) -> None:
         self.loss_sum = self.loss_sum + loss

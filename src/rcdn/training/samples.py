@@ -175,15 +175,12 @@ def windows(crops: int, room: int, size: int, kind: str, seed: tuple[int, ...], 
     the arguments only. `often` (crops,): the cumulative sum of the crops' probabilities, by which every second window
     is drawn; the others are drawn evenly."""
     rng = np.random.default_rng(seed)
-    crop = rng.integers(0, crops, size)
-    turn, corner = np.empty((size, 4), bool), np.empty((size, 2), np.int64)
+    crop, turn, corner = rng.integers(0, crops, size), rng.random((size, 4)) < 0.5, rng.integers(0, room + 1, (size, 2))
     span, base = np.ones(size, np.float32), np.zeros(size, np.float32)
-    for k in range(size):
-        turn[k] = [rng.random() < 0.5 for _ in range(4)]
-        corner[k] = rng.integers(0, room + 1, 2)
-        if kind == "minmax" and rng.random() < 0.7:  # a crop seldom spans its picture's whole range
-            span[k] = rng.uniform(0.65, 1.0)
-            base[k] = rng.uniform(0, 1 - float(span[k]))
+    if kind == "minmax":
+        some = rng.random(size) < 0.7  # a crop seldom spans its picture's whole range
+        span[some] = rng.uniform(0.65, 1.0, size)[some]
+        base = (rng.random(size) * (1 - span)).astype(np.float32)
     if often is not None:
         crop[::2] = np.searchsorted(often, rng.random(len(crop[::2])) * often[-1], side="right").clip(max=crops - 1)
     return Windows(crop, turn, corner, span, base)

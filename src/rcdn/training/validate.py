@@ -15,17 +15,25 @@ from rcdn.training.samples import Pool
 from rcdn.types import Array
 from rcdn.validation import score_crop, summary, validation_set
 
+TOGETHER = 20
+"""crops that a network computes together"""
+
 
 def torch_response(net: Any, image: Array, loss: str, kind: str) -> Array:
     """Response map (H, W) of a picture, by torch, with the same padding by reflection as in inference."""
+    return torch_responses(net, [image], loss, kind)[0]
+
+
+def torch_responses(net: Any, images: list[Array], loss: str, kind: str) -> Array:
+    """As `torch_response`, of pictures of one size: (N, H, W)."""
     before, after = net.architecture.margins
-    h, w = image.shape
+    h, w = images[0].shape
     cell = net.architecture.cell
-    pad_h, pad_w = -h % cell, -w % cell
-    grey = np.pad(normalise(image, kind), ((before, after + pad_h), (before, after + pad_w)), mode="reflect")
+    room = ((before, after + -h % cell), (before, after + -w % cell))
+    grey = np.stack([np.pad(normalise(image, kind), room, mode="reflect") for image in images])
     device = next(net.parameters()).device
     with torch.no_grad():
-        z = net(torch.from_numpy(grey)[None, None].to(device))[0, :h, :w]
+        z = net(torch.from_numpy(grey)[:, None].to(device))[:, :h, :w]
     response = torch.relu(z) if ACTIVATION[loss] == "relu" else torch.sigmoid(z)
     return np.asarray(response.cpu().numpy())
 
@@ -43,4 +51,9 @@ def validate(net: Any, config: TrainConfig, overfit: Pool | None = None) -> dict
         samples = validation_set(ranges=ranges) if ranges.deltille_p else validation_set()
     else:
         samples = [(im, lab[np.isfinite(lab[:, 0])]) for im, lab in zip(overfit.images, overfit.labels, strict=True)]
-    return summary([score_crop(torch_response(net, im, config.loss, config.normalisation), lab) for im, lab in samples])
+    scores = []
+    for start in range(0, len(samples), TOGETHER):
+        some = samples[start : start + TOGETHER]
+        responses = torch_responses(net, [image for image, _ in some], config.loss, config.normalisation)
+        scores += [score_crop(response, labels) for response, (_, labels) in zip(responses, some, strict=True)]
+    return summary(scores)
