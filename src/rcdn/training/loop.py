@@ -327,10 +327,10 @@ class _Run:
     @torch.no_grad()
     def mined(self) -> torch.Tensor:
         """Cumulative sum over the crops of their background's false response, by the averaged network."""
-        net, found = self.state["ema"], []
+        net, found, size = self.state["ema"], [], self.pool.images.shape[1]
+        side, config = size - (size - sum(self.margins)) % net.architecture.cell, self.config
         for start in range(0, len(self.pool), 100):
             chosen = whole(np.arange(start, min(start + 100, len(self.pool))))
-            side, config = self.pool.images.shape[1], self.config
             if self.on_device is None:
                 image, goal = cut(self.pool, chosen, net.architecture, side, config.normalisation, config.ring)
                 image = image.to(self.fabric.device)
