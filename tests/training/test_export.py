@@ -124,6 +124,12 @@ def test_what_is_written(run_folder, tmp_path):
     assert (tmp_path / "again.onnx").read_bytes() == target.read_bytes()
 
 
+def test_the_curve_of_a_run_is_beside_its_weights(run_folder, tmp_path):
+    (run_folder / "metrics.csv").write_text("step,loss,seconds,f1\n2,0.75,1.5,0.25\n3,0.5,2.5,0.5\n")
+    facts, _ = export(run_folder, tmp_path / "net.onnx")
+    assert facts["curve"] == [[2, 0.75, 0.25], [3, 0.5, 0.5]]
+
+
 @pytest.mark.parametrize("gap", [2e-4, float("nan")])
 def test_nothing_is_written_without_parity(run_folder, tmp_path, monkeypatch, gap):
     target = tmp_path / "net.onnx"

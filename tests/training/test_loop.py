@@ -21,11 +21,12 @@ from lightning_fabric import Fabric
 
 from rcdn.corners.onnx_file import read_graph
 from rcdn.errors import ConfigError, OutputError, RcdnError
-from rcdn.training import alone, loop, quantise, validate
+from rcdn.training import alone, loop, quantise, steps, validate
 from rcdn.training.config import TrainConfig, read_config
 from rcdn.training.export import export
-from rcdn.training.loop import DeadNetError, train
+from rcdn.training.loop import train
 from rcdn.training.samples import PoolConfig
+from rcdn.training.steps import DeadNetError, Run
 
 POOL = PoolConfig(count=6, size=64, ranges="ordinary", seed=4)
 A = TrainConfig("a", "A", side=54, batch=4, steps=6, validate_every=2, rate=0.02, pool=POOL)
@@ -70,18 +71,18 @@ class Killed(Exception):
 
 def kill_at(monkeypatch, step):
     """The process dies in that step, after its last checkpoint."""
-    original = loop._Run.step
+    original = Run.step
 
     def stepping(self, image, goal):
         if self.state["step"] == step:
             raise Killed
         original(self, image, goal)
 
-    monkeypatch.setattr(loop._Run, "step", stepping)
-    return lambda: monkeypatch.setattr(loop._Run, "step", original)
+    monkeypatch.setattr(Run, "step", stepping)
+    return lambda: monkeypatch.setattr(Run, "step", original)
 
 
-@pytest.mark.parametrize("config", [A, Q], ids=["A", "Q"])
+@pytest.mark.parametrize("config", [A, Q, dataclasses.replace(Q, mined=2)], ids=["A", "Q", "mined"])
 def test_a_killed_run_goes_on_as_if_nothing_had_happened(tmp_path, monkeypatch, config, capsys):
     whole = run(config, tmp_path / "whole")
     revive = kill_at(monkeypatch, 5)
@@ -237,7 +238,7 @@ def test_a_few_crops_are_learnt_by_heart(tmp_path, monkeypatch):
 
 def test_the_alarm_of_a_dead_network(tmp_path, monkeypatch):
     """Eq. 1 as it stands gives no gradient where the response is zero."""
-    monkeypatch.setattr(loop, "DEAD_AFTER", 4)
+    monkeypatch.setattr(steps, "DEAD_AFTER", 4)
     original = loop.build
 
     def dead(name, batch_norm=False, start=""):
@@ -248,12 +249,12 @@ def test_the_alarm_of_a_dead_network(tmp_path, monkeypatch):
     monkeypatch.setattr(loop, "build", dead)
     with pytest.raises(DeadNetError, match=r'no response .* 4 steps \(loss 13\.8.*loss = "safe"'):
         run(dataclasses.replace(A, loss="paper"), tmp_path)
-    monkeypatch.setattr(loop, "DEAD_AFTER", 7)
+    monkeypatch.setattr(steps, "DEAD_AFTER", 7)
     run(dataclasses.replace(A, loss="paper"), tmp_path)  # six steps: no alarm yet
 
 
 def test_batches_without_corners_say_nothing_of_a_death(tmp_path, monkeypatch):
-    monkeypatch.setattr(loop, "DEAD_AFTER", 1)
+    monkeypatch.setattr(steps, "DEAD_AFTER", 1)
     original = loop.cut
 
     def empty(*args):

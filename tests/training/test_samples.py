@@ -17,9 +17,13 @@ from rcdn.errors import ConfigError
 from rcdn.synthetic import PRESETS, random_crop
 from rcdn.training import samples
 from rcdn.training.net import ARCHITECTURES
-from rcdn.training.samples import Batches, Pool, PoolConfig, batch, draw, make_pool, pool_folder, targets, windows
+from rcdn.training.samples import Batches, Pool, PoolConfig, cut, draw, make_pool, pool_folder, targets, windows
 
 SMALL = PoolConfig(count=5, size=48, ranges="hard", seed=2)
+
+
+def batch(pool, arch, side, size, kind, ring, seed):
+    return cut(pool, windows(len(pool), pool.images.shape[1] - side, size, kind, seed), arch, side, kind, ring)
 
 
 def labelled(*rows):

@@ -5,6 +5,7 @@ The graph is built node by node, so that this file documents its content.
 
 from __future__ import annotations
 
+import csv
 import datetime
 import hashlib
 from collections.abc import Sequence
@@ -98,6 +99,17 @@ def provenance(report: dict[str, Any], net: CornerNet, data: bytes) -> dict[str,
     } | ({"labelled": report["labelled"]} if "labelled" in report else {})
 
 
+def curve(run: Path) -> dict[str, Any]:
+    """`curve`: step, loss since the one before, and F1 on the validation set, of each validation of a run; nothing
+    without a log."""
+    log = run / "metrics.csv"
+    if not log.exists():
+        return {}
+    with log.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    return {"curve": [[int(r["step"]), float(r["loss"]), float(r["f1"])] for r in rows]}
+
+
 def ranges(layers: Sequence[Layer], normalisation: str, preset: str) -> list[list[float]]:
     """Largest value of each channel after each hidden layer (convolution and ReLU), over crops rendered with the ranges
     called `preset`; quantised inference needs them."""
@@ -141,7 +153,7 @@ def export(run: Path, target: Path) -> tuple[dict[str, Any], float]:
         raise ConfigError(f"export: the name of the file must end in .onnx, not {target}")
     net, report = load_run(run)
     data = to_onnx(net, ACTIVATION[report["config"]["loss"]]).SerializeToString()
-    facts = provenance(report, net, data)
+    facts = provenance(report, net, data) | curve(run)
     if CellNetwork.fits(read_graph(data)) and not facts["training"]["pool"]["ranges"].startswith("deltille"):
         # with 8-bit weights the deltille network has one additional false positive in 100 pictures of clutter
         layers = [(*folded(b), s) for b, (_, _, s) in zip(net.blocks, net.architecture.layers, strict=True)]

@@ -251,18 +251,8 @@ def painted(owner: Tensor, labels: Tensor, shape: tuple[int, int, int], ring: bo
     return Targets(positive.view(shape), weight.view(shape), heat.view(shape))
 
 
-def batch(
-    pool: Pool, arch: Architecture, side: int, size: int, kind: str, ring: bool, seed: tuple[int, ...]
-) -> tuple[Tensor, Targets]:
-    """Batch of `size` windows of `side` px.
-
-    It depends on its arguments only, so that a resumed run gets the same batches as an uninterrupted one.
-    """
-    return cut(pool, windows(len(pool), pool.images.shape[1] - side, size, kind, seed), arch, side, kind, ring)
-
-
 def cut(pool: Pool, chosen: Windows, arch: Architecture, side: int, kind: str, ring: bool) -> tuple[Tensor, Targets]:
-    """The batch of the windows `chosen`."""
+    """The windows `chosen`, of `side` px: pictures (n, 1, side, side), and maps without the network's margins."""
     drawn = [draw(pool, chosen, k, side, kind) for k in range(len(chosen.crop))]
     before, after = arch.margins
     out = side - before - after

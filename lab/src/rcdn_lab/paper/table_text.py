@@ -8,7 +8,9 @@ from typing import Any
 from rcdn_lab.paper.claim import folded
 from rcdn_lab.paper.table_claims import Comparison, claims, measured, published
 
-TITLES = {"table2": "Table 2: thresholds and losses", "table3": "Table 3: networks"}
+TITLES = {
+    "table2": "Table 2: thresholds and losses", "table3": "Table 3: networks", "seeds": "Table 3 from two seeds",
+}  # fmt: skip
 SHORT = {
     "precision": "precision", "recall": "recall", "strict precision": "strict P", "strict recall": "strict R",
     "paper precision": "paper P", "paper recall": "paper R", "precision difference": "diff P",
@@ -30,8 +32,21 @@ def printed(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     ]
 
 
+def by_seed(rows: Sequence[Mapping[str, Any]]) -> str:
+    """A table: the networks, each set a column, precision / recall from the first and from the second seed."""
+    sets = list(dict.fromkeys(r["set"] for r in rows if r["precision"] is not None))
+    lines = ["| network, seed | " + " | ".join(sets) + " |", "|---|" + "---|" * len(sets)]
+    for network in dict.fromkeys(r["network"] for r in rows if r["network"] != "-"):
+        mine = {r["set"]: r for r in rows if r["network"] == network}
+        shown = [f"{mine[s]['precision']:.4f} / {mine[s]['recall']:.4f}" if s in mine else "–" for s in sets]
+        lines.append(f"| {network if 'seed' in network else network + ', seed 1'} | " + " | ".join(shown) + " |")
+    return "\n".join(lines)
+
+
 def verdicts(table: str, rows: Sequence[Mapping[str, Any]]) -> list[tuple[Comparison, Comparison]]:
     """Each claim of section 4.1 on the paper's own figures, and on ours."""
+    if table == "seeds":
+        return []
     return list(zip(claims(table, published(table)), claims(table, measured(rows)), strict=True))
 
 
@@ -55,6 +70,8 @@ def markdown(
     )
     clusters = "with clustering (but for ChESS)" if settings["cluster"] else "without clustering"
     read = f"{READING} Post-processing of the preset `paper`, {clusters}."
+    if table == "seeds":
+        return "\n\n".join([f"### {TITLES[table]}", by_seed(rows), made])
     parts = [f"## {TITLES[table]}", picture(table), _claims(table, rows), _skipped(rows)]
     parts += [folded("All rows, and how they were made", made, read, _grain(rows), _table(rows))]
     parts += [folded("The figures behind the claims", _figures(table, rows))]

@@ -25,7 +25,7 @@ from rcdn_lab.peers import chess, maxima
 from rcdn_lab.share_out import share_out
 from rcdn_lab.table_weights import load_network
 
-Name = Literal["table2", "table3"]
+Name = Literal["table2", "table3", "seeds"]
 Row = dict[str, Any]
 Respond = Callable[[Array], Array]
 """(H, W) uint8 → response map (H, W) float32"""
@@ -49,13 +49,23 @@ class Line:
 
     def paper(self, column: str) -> tuple[float, float]:
         """The paper's precision and recall on its data set."""
-        known = TABLE2.get((self.label, self.method)) or TABLE3[self.row]
+        again = NETWORKS[self.row].again if self.row in NETWORKS else ""
+        known = TABLE2.get((self.label, self.method)) or TABLE3[again or self.row]
         return known[column]
 
 
 LINES: dict[Name, tuple[Line, ...]] = {
     "table2": tuple(Line(row, label, m) for row, label in (("A", CROSS_ENTROPY), ("MATE", SQUARED)) for m in METHODS),
-    "table3": (*(Line(row, row, "adaptive") for row in NETWORKS), Line(CHESS_ROW, CHESS_ROW, "max")),
+    "table3": (
+        *(Line(row, row, "adaptive") for row, network in NETWORKS.items() if not network.again),
+        Line(CHESS_ROW, CHESS_ROW, "max"),
+    ),
+    "seeds": tuple(
+        Line(row, row, "adaptive")
+        for network in NETWORKS.values()
+        if network.again
+        for row in (network.again, network.row)
+    ),
 }
 
 
