@@ -93,7 +93,7 @@ class Run:
                 if not quiet and step % 10 == 0:
                     text = f"{self.config.name} loss {float(self.loss_sum / self.count):.4f}"
                     bar.update(task, completed=step, description=text)
-                if self.config.mined and step % self.config.mined == 0:
+                if self.config.mined and step % self.config.mined == 0 and step < self.config.steps:
                     self.state["often"] = false_answers(self.state["ema"], self.config, self.pool, self.on_device)
                 if step % self.config.validate_every == 0 or step == self.config.steps:
                     self.report()
