@@ -18,6 +18,7 @@ from draw import main, svg, text
 
 OUT = Path(__file__).parent / "paper"
 RESULTS = Path(__file__).parents[2] / "benchmarks" / "results"
+WEIGHTS = Path(__file__).parents[2] / "lab" / "src" / "rcdn_lab" / "table_weights"
 OURS, PAPER, GRID, FAINT = "#0072b2", "#d55e00", "#dddddd", "#f4f4f4"
 Row = Mapping[str, Any]
 PICTURES: dict[str, Callable[[], str]] = {}
@@ -131,6 +132,38 @@ def table3() -> str:
     rows = rows_of("table3")
     names = list(dict.fromkeys(row["row"] for row in rows if row["precision"] is not None))
     return rates([(name, lambda r, name=name: r["row"] == name) for name in names], rows)
+
+
+CURVES = {
+    "E-32, two seeds": ("e", "e-2"), "A, two seeds": ("a", "a-2"),
+    "C, D-1, D-3, E-16, G, H": ("c", "d", "d3", "e16", "g", "h"), "MATE": ("mate",),
+}  # fmt: skip
+COLOURS = (OURS, PAPER, "#999999", "#009e73")
+LOW, HIGH = 0.55, 0.75
+
+
+@picture
+def curves() -> str:
+    """F1 on the validation set over the steps of training, from the files beside the weights."""
+    x0, y0, wide, high = 60.0, 20.0, 520.0, 240.0
+
+    def at(step: float, f1: float) -> tuple[float, float]:
+        return x0 + wide * step / 8000, y0 + high * (HIGH - f1) / (HIGH - LOW)
+
+    parts = [f"<rect x='{x0:g}' y='{y0:g}' width='{wide:g}' height='{high:g}' fill='{FAINT}'/>"]
+    for f1 in (0.55, 0.6, 0.65, 0.7, 0.75):
+        parts += [line(x0, at(0, f1)[1], x0 + wide, at(0, f1)[1], GRID), small(x0 - 18, at(0, f1)[1] + 4, f"{f1:g}")]
+    for step in (2000, 4000, 6000, 8000):
+        parts.append(small(at(step, 0)[0], y0 + high + 16, f"{step:,}"))
+    parts.append(small(x0 + wide / 2, y0 + high + 34, "steps of 64 windows; at the left F1 on the hard validation set"))
+    for k, (title, names) in enumerate(CURVES.items()):
+        parts.append(small(x0 + wide + 14, y0 + 16 + 20 * k, title, f"text-anchor='start' fill='{COLOURS[k]}'"))
+        for name in names:
+            curve = json.loads((WEIGHTS / f"{name}.json").read_text("utf-8"))["curve"]
+            points = [at(step, f1) for step, _, f1 in curve]
+            path = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
+            parts.append(f"<polyline points='{path}' fill='none' stroke='{COLOURS[k]}' stroke-width='1.6'/>")
+    return svg(int(x0 + wide) + 190, int(y0 + high) + 50, *parts)
 
 
 RATIOS = (0.0, 1.5)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 @dataclass(frozen=True)
 class Network:
     """A row of Table 3: its name there, the weights (for `load_network`), and the thresholds tuned for its loss (Table
-    2). `again`: the row whose network this one is, trained from another seed."""
+    2). `again`: the row whose network this one is, trained otherwise."""
 
     row: str
     model: str
@@ -34,7 +34,8 @@ NETWORKS = {
         Network("A, seed 2", "tables/a-2", again="A"),
         Network("B, seed 2", "tables/b-2", again="B"),
         Network("E-32, seed 2", "tables/e-2", again="E-32"),
-        Network("F, seed 2", "tables/f-2", again="F"),
+        Network("F, as all", "tables/f", again="F"),
+        Network("F, as all, seed 2", "tables/f-2", again="F"),
     )
 }
 """Row → network. MATE is net A trained with the squared loss: only with that interpretation do rows of Tables 2 and 3

@@ -33,13 +33,13 @@ def printed(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
 
 
 def by_seed(rows: Sequence[Mapping[str, Any]]) -> str:
-    """A table: the networks, each set a column, precision / recall from the first and from the second seed."""
+    """A table: a line a network, a column a set, precision / recall."""
     sets = list(dict.fromkeys(r["set"] for r in rows if r["precision"] is not None))
-    lines = ["| network, seed | " + " | ".join(sets) + " |", "|---|" + "---|" * len(sets)]
+    lines = ["| network | " + " | ".join(sets) + " |", "|---|" + "---|" * len(sets)]
     for network in dict.fromkeys(r["network"] for r in rows if r["network"] != "-"):
         mine = {r["set"]: r for r in rows if r["network"] == network}
         shown = [f"{mine[s]['precision']:.4f} / {mine[s]['recall']:.4f}" if s in mine else "–" for s in sets]
-        lines.append(f"| {network if 'seed' in network else network + ', seed 1'} | " + " | ".join(shown) + " |")
+        lines.append(f"| {network} | " + " | ".join(shown) + " |")
     return "\n".join(lines)
 
 

@@ -86,7 +86,7 @@ def seeds(
     csv: Csv = None,
     markdown: Markdown = None,
 ) -> None:
-    """Networks A, B, E-32 and F of Table 3, trained from two seeds.
+    """Networks A, B, E-32 and F of Table 3, trained from two seeds; F also as long as all others, not as it ships.
 
     Pictures and columns as in `rcdn evaluate table2`. About 6 minutes on two cores, 35 with --full.
     """
