@@ -93,8 +93,8 @@ def test_what_is_said_of_f(text):
         assert states(stated[1], row["precision"]), on
         assert states(stated[2], row["recall"]), on
     mine, other = ({r["set"]: r for r in rows("table3") if r["row"] == row} for row in ("F", "MATE"))
-    stated = re.search(r"F1 above MATE's on (\w+) of the five sets", text)
-    assert stated[1] == WORDS[sum(f1(mine[s]) > f1(other[s]) for s in mine)]
+    stated = re.search(r"F1 no lower than MATE's on (\w+) of the five sets", text)
+    assert stated[1] == WORDS[sum(f1(mine[s]) > f1(other[s]) - 1e-5 for s in mine)]
 
 
 @pytest.mark.parametrize("text", [PAGE, RESULTS], ids=["paper-results", "results"])
