@@ -57,7 +57,7 @@ def test_ordinary_boards_are_found_whole_with_right_labels_and_sub_pixel_corners
     auto = detector.config.model == "auto"
     detector = rcdn.Detector(replace(detector.config, recovery="graph"))
     errors, found, all_of_them = [], 0, 0
-    for seed in range(500, 512):
+    for seed in range(500, 512 if auto else 584):  # of 12 pictures a share below 1 scatters by half a per cent
         scene = random_scene(np.random.default_rng(seed), replace(ORDINARY, tilt=40, noise=4) if auto else CLEAR)
         expected = truth(scene)[0]
         boards = detector.boards(render(scene, samples=2))
