@@ -97,6 +97,14 @@ def test_what_is_said_of_f(text):
     assert stated[1] == WORDS[sum(f1(mine[s]) > f1(other[s]) - 1e-5 for s in mine)]
 
 
+def test_what_is_said_of_f_beside_its_peers():
+    mine, mate, chess = ({r["set"]: r for r in rows("table3") if r["row"] == row} for row in ("F", "MATE", "ChESS"))
+    assert "above ChESS' on all, and the recall of both or a better one; its precision is above MATE's on two." in PAGE
+    assert all(f1(mine[s]) > f1(chess[s]) for s in mine)
+    assert all(mine[s]["recall"] >= max(mate[s]["recall"], chess[s]["recall"]) for s in mine)
+    assert sum(mine[s]["precision"] > mate[s]["precision"] for s in mine) == 2
+
+
 @pytest.mark.parametrize("text", [PAGE, RESULTS], ids=["paper-results", "results"])
 def test_what_is_said_of_cells(text):
     stated = re.search(r"in (\d+) of (\d+) cells\s+of Fig. 4\s+and\s+(\d+) of (\d+) of Fig. 5", text)

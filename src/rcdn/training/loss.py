@@ -83,3 +83,8 @@ LOSSES: dict[str, Callable[[Tensor, Targets], Tensor]] = {
 }  # fmt: skip
 ACTIVATION = {"paper": "relu", "safe": "relu", "squared": "relu", "heatmap": "sigmoid"}
 """Final activation, by loss: converts z of a network trained with this loss into the response."""
+
+
+def response(z: Tensor, loss: str) -> Tensor:
+    """The response of a network trained with `loss`, from its pre-activation."""
+    return torch.relu(z) if ACTIVATION[loss] == "relu" else torch.sigmoid(z)

@@ -6,7 +6,7 @@ import numpy as np
 import torch
 
 from rcdn.training.config import TrainConfig
-from rcdn.training.loss import ACTIVATION
+from rcdn.training.loss import response
 from rcdn.training.net import CornerNet
 from rcdn.training.on_device import DevicePool
 from rcdn.training.samples import Pool, cut, whole
@@ -35,9 +35,8 @@ def false_answers(net: CornerNet, config: TrainConfig, pool: Pool, there: Device
             image, goal = there.batch(*there.numbers(chosen), side, arch.margins)
         with torch.autocast(device.type, torch.float16, enabled=device.type == "cuda"):
             z = net(image.to(device)).float()
-        response = torch.relu(z) if ACTIVATION[config.loss] == "relu" else torch.sigmoid(z)
         near = torch.nn.functional.max_pool2d(goal.positive.float().to(device), 2 * NEAR + 1, 1, NEAR) > 0
         counted = (goal.weight.to(device) > 0) & ~near
-        found.append(((response - FALSE).clamp(0, 1) * counted).sum((1, 2)))
+        found.append(((response(z, config.loss) - FALSE).clamp(0, 1) * counted).sum((1, 2)))
     total = torch.cat(found).double().cpu()
     return torch.cumsum(total if bool(total.sum() > 0) else torch.ones_like(total), 0)

@@ -23,7 +23,7 @@ from rcdn.errors import OutputError, RcdnError
 from rcdn.io import write_text
 from rcdn.provenance import commit
 from rcdn.training.config import TrainConfig
-from rcdn.training.loss import ACTIVATION, LOSSES
+from rcdn.training.loss import LOSSES, response
 from rcdn.training.machine import machine
 from rcdn.training.mining import false_answers
 from rcdn.training.net import ARCHITECTURES
@@ -128,11 +128,8 @@ class Run:
         z = self.state["model"](image.to(memory_format=torch.channels_last))
         loss = LOSSES[self.config.loss](z, goal)
         self.fabric.backward(loss)
-        response = self._response(z.detach())
-        return loss.detach(), (response * goal.positive).sum() / goal.positive.sum()
-
-    def _response(self, z: torch.Tensor) -> torch.Tensor:
-        return torch.relu(z) if ACTIVATION[self.config.loss] == "relu" else torch.sigmoid(z)
+        answers = response(z.detach(), self.config.loss) * goal.positive
+        return loss.detach(), answers.sum() / goal.positive.sum()
 
     def _replayed(self, there: DevicePool, whole: torch.Tensor, real: torch.Tensor) -> Any:
         """As `_gradients`, of the windows that the pool's `numbers` tell, by a CUDA graph."""

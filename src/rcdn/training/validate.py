@@ -10,7 +10,7 @@ import torch
 from rcdn.corners.normalise import normalise
 from rcdn.synthetic import PRESETS
 from rcdn.training.config import TrainConfig
-from rcdn.training.loss import ACTIVATION
+from rcdn.training.loss import response
 from rcdn.training.samples import Pool
 from rcdn.types import Array
 from rcdn.validation import score_crop, summary, validation_set
@@ -34,8 +34,7 @@ def torch_responses(net: Any, images: list[Array], loss: str, kind: str) -> Arra
     device = next(net.parameters()).device
     with torch.no_grad():
         z = net(torch.from_numpy(grey)[:, None].to(device))[:, :h, :w]
-    response = torch.relu(z) if ACTIVATION[loss] == "relu" else torch.sigmoid(z)
-    return np.asarray(response.cpu().numpy())
+    return np.asarray(response(z, loss).cpu().numpy())
 
 
 def validate(net: Any, config: TrainConfig, overfit: Pool | None = None) -> dict[str, float]:
@@ -55,5 +54,5 @@ def validate(net: Any, config: TrainConfig, overfit: Pool | None = None) -> dict
     for start in range(0, len(samples), TOGETHER):
         some = samples[start : start + TOGETHER]
         responses = torch_responses(net, [image for image, _ in some], config.loss, config.normalisation)
-        scores += [score_crop(response, labels) for response, (_, labels) in zip(responses, some, strict=True)]
+        scores += [score_crop(found, labels) for found, (_, labels) in zip(responses, some, strict=True)]
     return summary(scores)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -35,62 +36,51 @@ CacheDir = Annotated[
 Markdown = Annotated[Path | None, typer.Option(metavar="FILE", help="Also write the section of the docs to this file.")]
 
 
-def table2(
-    data: Data = None,
-    sets: Sets = None,
-    full: Full = False,
-    count: Count = None,
-    workers: Workers = 0,
-    cache: CacheDir = None,
-    json: Json = None,
-    csv: Csv = None,
-    markdown: Markdown = None,
-) -> None:
+def _command(name: Name, text: str) -> Callable[..., None]:
+    """The command of a table; `text`: its help."""
+
+    def command(
+        data: Data = None,
+        sets: Sets = None,
+        full: Full = False,
+        count: Count = None,
+        workers: Workers = 0,
+        cache: CacheDir = None,
+        json: Json = None,
+        csv: Csv = None,
+        markdown: Markdown = None,
+    ) -> None:
+        _run(name, data, sets, full, count, workers, cache, json, csv, markdown)
+
+    command.__doc__ = text
+    return command
+
+
+table2 = _command(
+    "table2",
     """The paper's Table 2: thresholds and losses. Net A with cross entropy and with the squared loss (MATE).
 
     Precision and recall of raw corners at 4 px, beside the paper's, on photographs and on rendered stand-ins: mesa-like
     (206 pictures), ueye-like (24; 206 with --full), gopro-like (10; 100), ueye (5), gopro (30). `precision`, `recall`:
     the paper's reading, in which a second detection of one corner is true as well; `strict`: one to one; `diff`: ours
     less the paper's. About 4 minutes on two cores, half an hour with --full.
-    """
-    _run("table2", data, sets, full, count, workers, cache, json, csv, markdown)
-
-
-def table3(
-    data: Data = None,
-    sets: Sets = None,
-    full: Full = False,
-    count: Count = None,
-    workers: Workers = 0,
-    cache: CacheDir = None,
-    json: Json = None,
-    csv: Csv = None,
-    markdown: Markdown = None,
-) -> None:
+    """,
+)
+table3 = _command(
+    "table3",
     """The paper's Table 3: networks A to H, D-3, E-16, MATE, and ChESS, under the adaptive threshold.
 
     Pictures and columns as in `rcdn evaluate table2`. Then the claims of section 4.1, one by one.
     About 8 minutes on two cores, 45 with --full.
-    """
-    _run("table3", data, sets, full, count, workers, cache, json, csv, markdown)
-
-
-def seeds(
-    data: Data = None,
-    sets: Sets = None,
-    full: Full = False,
-    count: Count = None,
-    workers: Workers = 0,
-    cache: CacheDir = None,
-    json: Json = None,
-    csv: Csv = None,
-    markdown: Markdown = None,
-) -> None:
+    """,
+)
+seeds = _command(
+    "seeds",
     """Networks A, B, E-32 and F of Table 3, trained from two seeds; F also as long as all others, not as it ships.
 
     Pictures and columns as in `rcdn evaluate table2`. About 6 minutes on two cores, 35 with --full.
-    """
-    _run("seeds", data, sets, full, count, workers, cache, json, csv, markdown)
+    """,
+)
 
 
 def _run(
