@@ -223,8 +223,24 @@ def test_the_version_of_onnx_runtime_changes_the_fingerprint(monkeypatch):
     assert fingerprint(DetectorConfig()) != before
 
 
+def test_detection_loads_nothing_that_the_fingerprint_leaves_out():
+    """What detection loads is in the fingerprint, and each name that is left out is a part of the package."""
+    code = (
+        "import sys, numpy as np, rcdn\n"
+        "squares = np.kron(np.indices((9, 12)).sum(0) % 2, np.ones((40, 40)))\n"
+        "assert rcdn.Detector().detect(np.uint8(60 + 120 * np.pad(squares, 60, constant_values=1))).boards\n"
+        "print(*(n for n in sys.modules if n.startswith('rcdn.')))"
+    )
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    assert "rcdn.detector" in loaded
+    parts = {name.split(".")[1] for name in loaded}
+    assert not parts & {Path(part).stem for part in _cache.NOT_DETECTION}
+    assert all((Path(rcdn.__file__).parent / part).exists() for part in _cache.NOT_DETECTION)
+
+
 @pytest.mark.parametrize(("source", "counts"), [("boards/grow.py", True), ("types/corners.py", True), ("new.py", True),
-                                                ("cli/detect.py", False), ("report/overlay.py", False)])  # fmt: skip
+                                                ("cli/detect.py", False), ("report/overlay.py", False),
+                                                ("terminal/options.py", False)])  # fmt: skip
 def test_edits_of_the_detector_change_the_fingerprint_and_others_do_not(package, source, counts):
     before = fingerprint(DetectorConfig(), package)
     assert before == fingerprint(DetectorConfig())

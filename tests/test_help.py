@@ -12,6 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 from rcdn.cli import app
+from rcdn.io.cameras import names_of
 from rcdn.terminal.group import VERBS
 
 USERS = ["detect", "calibrate", "live", "pose", "board", "undistort"]
@@ -51,6 +52,16 @@ def test_verbs_of_a_package_that_is_not_installed_say_which_it_is(monkeypatch):
     assert not {"evaluate", "bench"} & {
         v for verbs in groups(CliRunner().invoke(app, ["--help"]).stdout).values() for v in verbs
     }
+
+
+@pytest.mark.parametrize(("verb", "option"), [("calibrate", "--format"), ("convert", "--to")])
+def test_formats_of_camera_files_are_in_the_help_and_others_are_refused(verb, option):
+    text = " ".join(CliRunner().invoke(app, [verb, "--help"]).stdout.split())
+    told = re.search(rf"{option} FORMAT (.*?\.) ", text)[1]
+    assert all(re.search(rf"\b{name}\b", told) for name in names_of()), told
+    done = CliRunner().invoke(app, [verb, "a", "b", option, "pdf"])
+    assert done.exit_code == 2
+    assert f"'pdf' is none of {', '.join(names_of())}" in done.stderr
 
 
 # ---- completion

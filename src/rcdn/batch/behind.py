@@ -49,7 +49,10 @@ def two_sided(cache: Cache | None) -> Cache | None:
     """The same cache folder, with a salt of its own for the detections of `TwoSided` detectors."""
     if cache is None:
         return None
-    return replace(cache, salt=hashlib.sha256(f"{cache.salt} {file_digest(__file__)}".encode()).hexdigest())
+    from rcdn.calibration import behind
+
+    code = " ".join(map(file_digest, (__file__, behind.__file__)))
+    return replace(cache, salt=hashlib.sha256(f"{cache.salt} {code}".encode()).hexdigest())
 
 
 def seen_from_behind(run: Run, name: str, inputs: Sequence[str], got: Gathered) -> Gathered:

@@ -17,21 +17,11 @@ from rcdn.batch.paths import check_file
 from rcdn.batch.writing import print_unwritten, write_each
 from rcdn.errors import ConfigError, FormatError
 from rcdn.terminal import console
+from rcdn.terminal.options import camera_formats, parse_camera_format
 
 if TYPE_CHECKING:
     from rcdn.io import CameraFormat
     from rcdn.types import Calibration
-
-
-class FileFormat(StrEnum):
-    """Formats of camera files."""
-
-    opencv = "opencv"
-    ros = "ros"
-    kalibr = "kalibr"
-    colmap = "colmap"
-    mrcal = "mrcal"
-    json = "json"
 
 
 class FailOn(StrEnum):
@@ -54,8 +44,17 @@ CameraFiles = Annotated[
         "(COLMAP), .json, and .yaml or camera_info.yaml, a file a camera.",
     ),
 ]
+
+
 CameraFileFormat = Annotated[
-    FileFormat | None, typer.Option("--format", help="Format of --output, where the name doesn't tell.")
+    str | None,
+    typer.Option(
+        "--format",
+        metavar="FORMAT",
+        parser=parse_camera_format,
+        autocompletion=camera_formats,
+        help="Format of --output, where the name doesn't tell: opencv, ros, kalibr, colmap, mrcal or json.",
+    ),
 ]
 ReportFile = Annotated[
     Path | None, typer.Option(metavar="FILE", help="Write a page to look at: verdict, coverage, residuals, views.")

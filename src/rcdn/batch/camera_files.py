@@ -15,6 +15,10 @@ if TYPE_CHECKING:
     from rcdn.types import Calibration, Camera, Rig, StereoCalibration
 
 
+EXACT = 0.01
+"""largest error of a fitted lens, px, at which a format is taken to represent the lens exactly"""
+
+
 def chosen_camera(path: Path, name: str | None, option: str = "CAMERA") -> Camera:
     """The camera of a file, or the one called `name`. Raises ConfigError if the file holds several and no `name` is
     given; FormatError as `read_camera`."""
@@ -33,7 +37,7 @@ def check_format(path: Path, format: CameraFormat | None, rig: bool = False) -> 
     if rig:
         rig_format(path, format)
         return
-    if not _maps(path, format):
+    if not holds_maps(path, format):
         camera_format(path, format)
 
 
@@ -56,7 +60,7 @@ def refusal(path: Path, format: CameraFormat | None, model: str, stereo: bool) -
     `rcdn.calibrate`); "" if it can, or if that can't be decided yet."""
     from rcdn.io import check_lens
 
-    if _maps(path, format):
+    if holds_maps(path, format):
         return ""
     try:
         check_lens(path, _example(model), format, stereo)
@@ -83,7 +87,7 @@ def write_one(path: Path, camera: Camera, format: CameraFormat | None, fit: Lens
     from rcdn.io import write_camera, write_maps
 
     _note_format(path, format)
-    if _maps(path, format):
+    if holds_maps(path, format):
         write_maps(path, camera)
     else:
         _note_fits(path, [write_camera(path, camera, format, fit)])
@@ -94,7 +98,7 @@ def write_calibrated(path: Path, done: Calibration, format: CameraFormat | None)
     that the same corners give without one."""
     from rcdn.calibration.plain_lens import plain_fit
 
-    write_one(path, done.camera, format, None if _maps(path, format) else plain_fit(str(path), done, format))
+    write_one(path, done.camera, format, None if holds_maps(path, format) else plain_fit(str(path), done, format))
 
 
 def write_pair(path: Path, found: StereoCalibration | StereoCameras, format: CameraFormat | None) -> None:
@@ -102,7 +106,7 @@ def write_pair(path: Path, found: StereoCalibration | StereoCameras, format: Cam
     from rcdn.io import StereoCameras, lens_fit, write_stereo, write_stereo_maps
 
     _note_format(path, format)
-    if _maps(path, format):
+    if holds_maps(path, format):
         write_stereo_maps(path, found)
         return
     _note_files(path, write_stereo(path, found, format))
@@ -125,7 +129,14 @@ def _note_files(path: Path, files: Sequence[Path]) -> None:
         console.note(f"{path}: a file a camera: {', '.join(str(f) for f in files)}")
 
 
-def _maps(path: Path, format: CameraFormat | None) -> bool:
+def check_exact(path: Path, lens: str, fit: LensFit | None) -> None:
+    """Raise FormatError if a file can only approximate a `lens` (in words), by `fit`."""
+    if fit is not None and fit.largest > EXACT:
+        raise FormatError(f"{path}: can't hold {lens}: {fit.text}; --lossy writes that, and json holds it whole")
+
+
+def holds_maps(path: Path, format: CameraFormat | None) -> bool:
+    """Whether undistortion maps are written to `path`."""
     return format is None and path.suffix.lower() == ".npz"
 
 
@@ -133,7 +144,7 @@ def _note_format(path: Path, format: CameraFormat | None) -> None:
     """Print a note for a name such as `ros.yaml`, which suggests another format than the one that is written."""
     from rcdn.io import camera_format
 
-    if _maps(path, format) or format is not None or camera_format(path) != "opencv":
+    if holds_maps(path, format) or format is not None or camera_format(path) != "opencv":
         return
     words = re.split(r"[^a-z]+", path.stem.lower())
     for format_name, part in (("ROS", "camera_info"), ("Kalibr", "camchain")):

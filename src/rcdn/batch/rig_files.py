@@ -6,14 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rcdn.errors import ConfigError, FormatError
+from rcdn.errors import ConfigError
 from rcdn.terminal import console
 
 if TYPE_CHECKING:
     from rcdn.io import CameraFormat
-
-EXACT = 0.01
-"""largest error of a fitted lens, px, at which a format is taken to represent the lens exactly"""
 
 
 def holds_rig(inputs: Sequence[Path], out: Path) -> bool:
@@ -50,7 +47,7 @@ def _has_transforms(path: Path) -> bool:
 
 def convert_rig(inputs: Sequence[Path], out: Path, format: CameraFormat | None, lossy: bool) -> None:
     """Write the rig in `inputs` to `out`, and print what that format can't represent."""
-    from rcdn.batch.camera_files import write_rig_files
+    from rcdn.batch.camera_files import check_exact, write_rig_files
     from rcdn.io import read_rig, rig_format, rig_paths
     from rcdn.io.rig_files import lens_fits
 
@@ -59,10 +56,8 @@ def convert_rig(inputs: Sequence[Path], out: Path, format: CameraFormat | None, 
     if out == console.STDOUT and len(rig_paths(out, rig.names, format)) > 1:
         raise ConfigError(f"a rig is a file a camera in {kind}; name OUT, to which the cameras' names are added")
     for name, fit in zip(rig.names, lens_fits(out, rig, format), strict=True):
-        if fit is not None and fit.largest > EXACT and not lossy:
-            raise FormatError(
-                f"{out}: can't hold the lens of camera {name}: {fit.text}; --lossy writes that, and json holds it whole"
-            )
+        if not lossy:
+            check_exact(out, f"the lens of camera {name}", fit)
     write_rig_files(out, rig, format)
     if rig.covariance is not None and kind != "json":
         console.note(f"{out}: holds no covariance of the cameras' places; json does")

@@ -52,7 +52,7 @@ def dropped(c: Calibration, facts: Facts) -> list[Reason]:
             "Look at them in the report: wrong corners, motion, a bent board, or a lens that the model doesn't follow.",
         )
     ]  # fmt: skip
-    where = _place(r.crowd, c.camera.image_size)
+    where = _place(r.crowd)
     found += [
         reason(
             "crowded", r.crowded, "Corners left out lie scattered." if c.outliers else "No region was left out.",
@@ -201,6 +201,6 @@ def projections(c: Calibration, facts: Facts) -> list[Reason]:
     ]  # fmt: skip
 
 
-def _place(at: Array, image_size: tuple[int, int]) -> str:
+def _place(at: Array) -> str:
     """`around (320, 240) px`, or `in one region` if the position is unknown."""
     return f"around ({at[0]:.0f}, {at[1]:.0f}) px" if np.isfinite(at).all() else "in one region"

@@ -76,7 +76,7 @@ def placed_boards(cameras: Sequence[Calibration], sights: Sights, edges: Sequenc
     found: list[Edge] = []
     while True:
         seen = [[poses.of(g, s) for s in sets] for g in groups]
-        if _join_sets(groups, sets, seen) or _join_groups(groups, sets, seen, found):
+        if _join_sets(sets, seen) or _join_groups(groups, sets, seen, found):
             continue
         if not _join_both(groups, sets, seen, found):
             return FixedBoards(sets, found)
@@ -135,7 +135,7 @@ def _best(
     return max(found, key=lambda f: f[3], default=None)
 
 
-def _join_sets(groups: list[Places], sets: list[Places], seen: list[list[_Seen]]) -> bool:
+def _join_sets(sets: list[Places], seen: list[list[_Seen]]) -> bool:
     """Joins two sets that one group of cameras saw at the same moments."""
 
     def relative_pose(a: int, b: int) -> tuple[Array, int] | None:

@@ -96,7 +96,7 @@ def _sights(
         except CalibrationError as error:
             reasons[name] = str(error)
             continue
-        found[name] = _Sight(places, float(np.linalg.norm((rig.poses[k].T_cam_board @ places[0][0])[:3, 3])))
+        found[name] = _Sight(places, float(np.linalg.norm((rig.T_cam_rig[k] @ places[0][0])[:3, 3])))
     return found, reasons
 
 
@@ -114,7 +114,7 @@ def _turned(board: Board, turn: int) -> Board:
 def _places(board: Board, rig: Rig, k: int, spacing: float, shape: BoardShape | None) -> list[Array]:
     """T_rig_board (4, 4) from one camera alone: both pose solutions of a plane."""
     found = estimate_pose(board, rig.cameras[k], spacing, shape=shape)
-    back = np.linalg.inv(rig.poses[k].T_cam_board)
+    back = np.linalg.inv(rig.T_cam_rig[k])
     return [back @ found.T_cam_board] + ([] if found.other is None else [back @ found.other.T_cam_board])
 
 
@@ -149,7 +149,7 @@ def _estimated(
     camera = np.repeat(np.arange(len(names)), [len(sigma) for _, sigma in parts])
     corners, sigma = _together([c for c, _ in parts], camera), np.concatenate([s for _, s in parts])
     at = [rig.index(n) for n in names]
-    places = np.stack([rig.poses[k].T_cam_board for k in at])  # constant: the poses refer to the rig's frame
+    places = rig.T_cam_rig[at]  # constant: the poses refer to the rig's frame
     start = State(tuple(rig.cameras[k] for k in at), best.T[None], places, KNOWN)
     nothing = default_free(start, lens=False)
     state, _ = robust.initial_fit(start, corners, sigma, nothing, turn=False)

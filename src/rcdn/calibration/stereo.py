@@ -224,7 +224,7 @@ def _result(
         _one(task, fit, calibration, c, M @ cov @ M.T)
         for c, (calibration, M) in enumerate(((first, left_cov), (second, right_cov)))
     )
-    left, right = (_paired(task, odd, c, calibration) for c, calibration in enumerate((left, right)))
+    left, right = (_paired(task, c, calibration) for c, calibration in enumerate((left, right)))
     rectified = _rectify(left.camera, right.camera, T)
     places = slice(a + b, a + b + 6)
     epipolar = _epipolar(task, fit, pairs, left.camera, right.camera, T)
@@ -268,7 +268,7 @@ def _one(task: StereoTask, fit: robust.Fit, before: Calibration, camera: int, co
     return solved_camera(before, camera, views, fit, task.shape, cov)
 
 
-def _paired(task: StereoTask, odd: list[tuple[int, int]], camera: int, calibration: Calibration) -> Calibration:
+def _paired(task: StereoTask, camera: int, calibration: Calibration) -> Calibration:
     """The calibration with views in the order of the frames, so that pairs come first, in the same order for both
     cameras."""
     order = [pair[camera] for pair in task.seen if pair[camera] >= 0]

@@ -137,7 +137,7 @@ def shifts_of(
     at = {f: k for k, f in enumerate(path.frame.tolist()) if moving[k]}
     seen: dict[int, dict[int, Array]] = {}
     for local in range(len(task.cameras)):
-        for f, place in _own_places(task, fit, path, corners, local).items():
+        for f, place in _own_places(fit, path, corners, local).items():
             if f in at:
                 seen.setdefault(at[f], {})[local] = place
     points = path.places
@@ -185,7 +185,7 @@ def _least_absolute(A: Array, d: Array, cluster: Array) -> tuple[Array, Array]:
     return x, inverse @ sums.T @ sums @ inverse
 
 
-def _own_places(task: RigTask, fit: robust.Fit, path: Path, corners: Corners3, local: int) -> dict[int, Array]:
+def _own_places(fit: robust.Fit, path: Path, corners: Corners3, local: int) -> dict[int, Array]:
     """By frame, (3,) m in the rig's frame: the centre of each board as seen by one camera alone."""
     rows = np.flatnonzero(corners.camera == local)
     frames = np.unique(corners.frame[rows])

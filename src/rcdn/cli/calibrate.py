@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
@@ -40,6 +40,9 @@ from rcdn.terminal.solve_options import (
 )
 from rcdn.terminal.spacing import SpacingOrFile, check_spacing
 from rcdn.terminal.target import DEFAULT, Target
+
+if TYPE_CHECKING:
+    from rcdn.io import CameraFormat
 
 
 def calibrate(
@@ -143,9 +146,7 @@ def calibrate(
         raise ConfigError("--pairs is for two cameras; give it with --stereo")
     if pattern is PatternName.deltille and (board is not None or stereo or rig):
         raise ConfigError("--board and --stereo know boards of squares only; leave them out for a deltille")
-    outputs = Outputs(
-        output or [], None if file_format is None else file_format.value, report, json, force, pictures or ()
-    )
+    outputs = Outputs(output or [], cast("CameraFormat | None", file_format), report, json, force, pictures or ())
     outputs.check([*inputs, *(camera or ()), *([] if pairs is None else [pairs])], rig)
     if not rig:
         outputs = outputs.without_refused(lambda path: refusal(path, outputs.format, model.value, stereo))

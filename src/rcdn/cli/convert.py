@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,7 +14,7 @@ from rcdn.batch.paths import check_file
 from rcdn.errors import ConfigError, FormatError
 from rcdn.terminal import console
 from rcdn.terminal.console import Quiet
-from rcdn.terminal.options import GridSize, parse_size
+from rcdn.terminal.options import GridSize, camera_formats, parse_size
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,13 +22,16 @@ if TYPE_CHECKING:
     from rcdn.io import CameraFormat, StereoCameras
     from rcdn.types import Camera
 
-EXACT = 0.01
-"""largest error of a fitted lens, px, at which a format is taken to represent the lens exactly"""
+
+def _formats() -> list[str]:
+    """File formats: those of cameras, and those of detections; `json` is both."""
+    return [*dict.fromkeys([*camera_formats(), *FORMATS])]
 
 
-_CAMERAS = ("opencv", "ros", "kalibr", "colmap", "mrcal", "json")
-To = StrEnum("To", {name: name for name in (*_CAMERAS, *FORMATS)})  # type: ignore[misc]
-"""File formats: those of cameras, and those of detections; `json` is both."""
+def _format(text: str) -> str:
+    if text not in (known := _formats()):
+        raise typer.BadParameter(f"{text!r} is none of {', '.join(known)}")
+    return text
 
 
 def _picture_size(text: str) -> GridSize:
@@ -53,8 +55,15 @@ def convert(
         ),
     ],
     to: Annotated[
-        To | None,
-        typer.Option("--to", help="The format of OUT, where its name doesn't tell; OUT - is standard output."),
+        str | None,
+        typer.Option(
+            "--to",
+            metavar="FORMAT",
+            parser=_format,
+            autocompletion=_formats,
+            help="The format of OUT, where its name doesn't tell (OUT - is standard output): opencv, ros, kalibr, "
+            "colmap, mrcal, json, vnl or csv.",
+        ),
     ] = None,
     camera_name: Annotated[
         str | None,
@@ -98,10 +107,10 @@ def convert(
     check_file("OUT", out, inputs)
     if _holds_detections(inputs[0]):
         _convert_detections(inputs, out, to, board, image_size)
-    elif (kind := to or out.suffix.lower().removeprefix(".")) in FORMATS and kind not in _CAMERAS:
+    elif (kind := to or out.suffix.lower().removeprefix(".")) in FORMATS and kind not in camera_formats():
         raise FormatError(f"{inputs[0]}: holds no detections, which {kind} is for; give a file of `rcdn detect`")
     else:
-        _convert_cameras(inputs, out, None if to is None else to.value, camera_name, lossy)
+        _convert_cameras(inputs, out, to, camera_name, lossy)
     console.note_written([out])
 
 
@@ -126,7 +135,7 @@ def _holds_detections(path: Path) -> bool:
 
 
 def _convert_detections(
-    inputs: Sequence[Path], out: Path, to: To | None, board: GridSize | None, image_size: GridSize | None
+    inputs: Sequence[Path], out: Path, to: str | None, board: GridSize | None, image_size: GridSize | None
 ) -> None:
     from rcdn.io import image_line, read_detections, read_vnl_boards
 
@@ -191,16 +200,17 @@ def _convert_cameras(inputs: Sequence[Path], out: Path, to: str | None, name: st
 
 
 def _convert_pair(inputs: Sequence[Path], out: Path, format: CameraFormat | None, lossy: bool) -> None:
-    from rcdn.batch.camera_files import write_pair
-    from rcdn.io import camera_format
+    from rcdn.batch.camera_files import holds_maps, write_pair
+    from rcdn.io.cameras import FORMATS as CAMERAS
+    from rcdn.io.cameras import camera_format
 
     pair = _pair(inputs)
-    kind = "maps" if format is None and out.suffix.lower() == ".npz" else camera_format(out, format)
-    if out == console.STDOUT and kind in ("ros", "mrcal", "maps"):
-        raise ConfigError(f"a pair is two files in {kind}; name OUT, to which _left and _right are added")
+    kind = None if holds_maps(out, format) else camera_format(out, format)
+    if out == console.STDOUT and (kind is None or CAMERAS[kind].pair_files > 1):
+        raise ConfigError(f"a pair is two files in {kind or 'maps'}; name OUT, to which _left and _right are added")
     _check_loss(out, {"left ": pair.left, "right ": pair.right}, format, lossy)
     write_pair(out, pair, format)
-    if pair.rectification is not None and kind in ("kalibr", "mrcal"):
+    if pair.rectification is not None and kind is not None and not CAMERAS[kind].rectified:
         console.note(f"{out}: holds no rectification, which {kind} has no place for")
 
 
@@ -218,13 +228,10 @@ def _pair(inputs: Sequence[Path]) -> StereoCameras:
 
 def _check_loss(out: Path, cameras: dict[str, Camera], format: CameraFormat | None, lossy: bool) -> None:
     """Raise FormatError if the format of `out` can only approximate the lens, and that wasn't requested."""
+    from rcdn.batch.camera_files import check_exact, holds_maps
     from rcdn.io import lens_fit
 
-    if lossy or (format is None and out.suffix.lower() == ".npz"):
+    if lossy or holds_maps(out, format):
         return
     for side, camera in cameras.items():
-        fit = lens_fit(out, camera, format)
-        if fit is not None and fit.largest > EXACT:
-            raise FormatError(
-                f"{out}: can't hold the {side}camera's lens: {fit.text}; --lossy writes that, and json holds it whole"
-            )
+        check_exact(out, f"the {side}camera's lens", lens_fit(out, camera, format))

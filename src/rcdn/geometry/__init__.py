@@ -2,7 +2,7 @@
 
 from rcdn.geometry.correction import basis, stereographic, surface
 from rcdn.geometry.homography import apply_homography, homography
-from rcdn.geometry.jacobians import core_jacobian, cross_matrix, project_with_jacobian, rotation, rotation_jacobian
+from rcdn.geometry.jacobians import core_jacobian, cross_matrix, project_with_jacobian, rotation
 from rcdn.geometry.lens import project, transform, unproject
 from rcdn.geometry.spline_grid import folds, largest_shift, roughness, zero_correction
 from rcdn.geometry.usable_lens import lens_trouble
@@ -19,7 +19,6 @@ __all__ = [
     "project",
     "project_with_jacobian",
     "rotation",
-    "rotation_jacobian",
     "roughness",
     "stereographic",
     "surface",

@@ -57,16 +57,8 @@ def rotation(vectors: Array) -> Real[Array, "... 3 3"]:
     """Rotation matrices (..., 3, 3) of rotation vectors (..., 3), rad (Rodrigues)."""
     vectors = np.asarray(vectors, float)
     K, angle2 = cross_matrix(vectors), (vectors**2).sum(axis=-1)[..., None, None]
-    a, b, _ = _rodrigues(angle2)
+    a, b = _rodrigues(angle2)
     return np.asarray(np.eye(3) + a * K + b * (K @ K))
-
-
-def rotation_jacobian(vectors: Array) -> Real[Array, "... 3 3"]:
-    """J (..., 3, 3) with rotation(v + dv) ≈ rotation(J·dv)·rotation(v): the left Jacobian of SO(3)."""
-    vectors = np.asarray(vectors, float)
-    K, angle2 = cross_matrix(vectors), (vectors**2).sum(axis=-1)[..., None, None]
-    _, b, c = _rodrigues(angle2)
-    return np.asarray(np.eye(3) + b * K + c * (K @ K))
 
 
 def cross_matrix(vectors: Array) -> Real[Array, "... 3 3"]:
@@ -79,12 +71,11 @@ def cross_matrix(vectors: Array) -> Real[Array, "... 3 3"]:
     return out
 
 
-def _rodrigues(angle2: Array) -> tuple[Array, Array, Array]:
-    """sin θ/θ, (1 − cos θ)/θ² and (θ − sin θ)/θ³, given `angle2` = θ²; by their series for small θ."""
+def _rodrigues(angle2: Array) -> tuple[Array, Array]:
+    """sin θ/θ and (1 − cos θ)/θ², given `angle2` = θ²; by their series for small θ."""
     small = angle2 < 1e-8
     square = np.where(small, 1.0, angle2)
     angle = np.sqrt(square)
     a = np.where(small, 1 - angle2 / 6, np.sin(angle) / angle)
     b = np.where(small, 0.5 - angle2 / 24, (1 - np.cos(angle)) / square)
-    c = np.where(small, 1 / 6 - angle2 / 120, (angle - np.sin(angle)) / (square * angle))
-    return a, b, c
+    return a, b

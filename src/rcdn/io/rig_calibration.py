@@ -18,7 +18,7 @@ def write_rig_calibration(path: str | Path, found: RigCalibration) -> None:
     """Write a rig with all its views, whole or not at all; the same input gives the same bytes. Raises OutputError as
     `write_text`."""
     rig = found.rig
-    places = {name: pose.T_cam_board.tolist() for name, pose in zip(rig.names, rig.poses, strict=True)}
+    places = dict(zip(rig.names, rig.T_cam_rig.tolist(), strict=True))
     record = {
         "verdict": found.verdict.level if found.verdict.judged else None,
         "rms": nullable(found.rms),

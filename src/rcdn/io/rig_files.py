@@ -13,11 +13,11 @@ import numpy as np
 
 from rcdn.errors import FormatError, RcdnError, shown
 from rcdn.io import rig_colmap, rig_folder, rig_toml
-from rcdn.io.cameras import CameraFormat, camera_format, kalibr, lens_fit, noted, ours, parsed
-from rcdn.io.cameras.base import LensFit
+from rcdn.io.cameras import FORMATS, CameraFormat, camera_format, kalibr, lens_fit, noted, ours, parsed
+from rcdn.io.cameras.base import LensFit, UnheldLensError
 from rcdn.io.fields import nullable, numbers, read_json, read_text, rigid, take
 from rcdn.io.files import check_writable, write_text
-from rcdn.types import Array, Camera, Pose, Rig
+from rcdn.types import Array, Camera, CameraModel, Pose, Rig
 
 RigFormat = Literal["kalibr", "aniposelib", "caliscope", "colmap", "opencv", "ros", "json"]
 _NAMES = (
@@ -29,14 +29,12 @@ _LENSES: dict[RigFormat, CameraFormat] = {
     "kalibr": "kalibr",
     "aniposelib": "opencv",
     "caliscope": "opencv",
-    "colmap": "colmap",
     "opencv": "opencv",
     "ros": "ros",
+    "colmap": "colmap",
     "json": "json",
 }
 """the format of camera files with the same lens models"""
-_HEADS = {"opencv": "---\n"}
-"""text after which comments are inserted, for formats where that isn't the beginning of the file"""
 
 
 def rig_format(path: str | Path, format: str | None = None) -> RigFormat:
@@ -83,8 +81,13 @@ def write_rig(path: str | Path, rig: Rig, format: str | None = None) -> list[Len
     named = [None if f is None else f"camera {n}: {f.text}" for n, f in zip(rig.names, fits, strict=True)]
     notes = [[n] for n in named] + [[]] if len(texts) > 1 else [named]
     for file, text, note in zip(files, texts, notes, strict=False):
-        write_text(file, text if kind in ("json", "colmap") else noted(_HEADS.get(kind, ""), text, filter(None, note)))
+        write_text(file, text if kind in ("json", "colmap") else noted(_head(kind), text, filter(None, note)))
     return fits
+
+
+def _head(kind: RigFormat) -> str:
+    """The text after which comments are inserted; the beginning of the file where `kind` is a rig's alone."""
+    return FORMATS[_LENSES[kind]].head if kind == _LENSES[kind] else ""
 
 
 def check_rig(path: str | Path, cameras: Mapping[str, Camera], format: str | None = None) -> None:
@@ -98,7 +101,7 @@ def check_rig(path: str | Path, cameras: Mapping[str, Camera], format: str | Non
 
 
 def _texts(kind: RigFormat, rig: Rig, cameras: list[Camera]) -> list[str]:
-    places = [pose.T_cam_board for pose in rig.poses]
+    places = list(rig.T_cam_rig)
     if kind == "json":
         return [_json(rig)]
     if kind == "kalibr":
@@ -203,14 +206,18 @@ def _chain(names: tuple[str, ...], cameras: list[Camera], places: list[Array]) -
     for k, (name, camera) in enumerate(zip(names, cameras, strict=True)):
         T = places[k] @ np.linalg.inv(places[k - 1]) if k else None
         try:
-            entries.append(
-                kalibr.entry(
-                    camera, k, [n for n in range(len(names)) if n != k], T, ".toml, opencv, ros, colmap or json"
-                )
-            )
+            entries.append(kalibr.entry(camera, k, [n for n in range(len(names)) if n != k], T))
+        except UnheldLensError as error:
+            raise FormatError(f"camera {name}: {error.naming(_holders(error.model))}") from error
         except FormatError as error:
             raise FormatError(f"camera {name}: {error}") from error
     return entries
+
+
+def _holders(model: CameraModel) -> list[str]:
+    """The formats of rigs that hold any camera of a lens `model`, as users name them."""
+    held = [kind for kind, cameras in _LENSES.items() if model in FORMATS[cameras].lenses]
+    return [*dict.fromkeys(".toml" if _LENSES[kind] != kind else kind for kind in held)]
 
 
 def _of_chain(data: Any, where: str) -> Rig:

@@ -44,6 +44,20 @@ def parse_size(text: str, least: int = 3) -> GridSize:
     return GridSize(cols, rows)
 
 
+def camera_formats() -> list[str]:
+    """The formats of camera files."""
+    from rcdn.io.cameras import names_of
+
+    return [*names_of()]
+
+
+def parse_camera_format(text: str) -> str:
+    """One of the `camera_formats`. Raises typer.BadParameter."""
+    if text not in (known := camera_formats()):
+        raise typer.BadParameter(f"{text!r} is none of {', '.join(known)}")
+    return text
+
+
 Jobs = Annotated[
     int,
     typer.Option("--jobs", "-j", min=0, metavar="N", help="Processes that find corners; 0: one for each core."),

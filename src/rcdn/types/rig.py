@@ -16,8 +16,8 @@ from rcdn.types.shown import table
 
 @dataclass(frozen=True, eq=False)
 class Rig(Value):
-    """`names` of the n cameras, `cameras` and `poses`: T_cam_rig of each, which takes the rig's frame, that of the
-    first camera, to the camera's frame, m.
+    """`names` of the n cameras, `cameras` and `poses`: those of the rig's frame, which is that of the first camera, in
+    each camera's frame; `T_cam_rig` has them as matrices, m.
 
     `covariance` (6n, 6n) of small motions applied after the poses (left increments: rotation vector, rad, then
     translation, m, in each camera's axes); zero rows for the first camera; None if unknown. Raises RcdnError if the
@@ -55,6 +55,11 @@ class Rig(Value):
             rows.append((name, camera.model, f"{camera.image_size[0]}×{camera.image_size[1]}", centre))
         return rows
 
+    @property
+    def T_cam_rig(self) -> Real[Array, "n 4 4"]:
+        """(n, 4, 4) of the cameras, in the order of their names."""
+        return np.stack([pose.T_cam_board for pose in self.poses])
+
     def index(self, name: str) -> int:
         """The index of the camera called `name`. Raises RcdnError if there is none."""
         if name not in self.names:
@@ -65,7 +70,7 @@ class Rig(Value):
         """T_b_a (4, 4), which takes the frame of camera `a` to that of camera `b`, and the covariance (6, 6) of its
         left increment, None if unknown."""
         k, m = self.index(a), self.index(b)
-        T = self.poses[m].T_cam_board @ np.linalg.inv(self.poses[k].T_cam_board)
+        T = self.T_cam_rig[m] @ np.linalg.inv(self.T_cam_rig[k])
         if self.covariance is None:
             return T, None
         J = np.zeros((6, 6 * len(self)))
@@ -90,7 +95,7 @@ class Rig(Value):
 
     def motion_to(self, k: int) -> Array:
         """(6, 6) takes a small motion in the rig's frame to the same one in that of camera number `k`."""
-        return _adjoint(self.poses[k].T_cam_board)
+        return _adjoint(self.T_cam_rig[k])
 
 
 @dataclass(frozen=True, eq=False)

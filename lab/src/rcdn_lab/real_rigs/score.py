@@ -122,7 +122,7 @@ def _of_board(
         parts.append((np.zeros(len(there), int), np.full(len(there), c), flat[there], each[there], basis[there]))
     corners = Corners3(*(np.concatenate(p) for p in zip(*parts, strict=True)))
     at = [rig.index(name) for name in xy]
-    places_of = np.stack([rig.poses[k].T_cam_board for k in at])  # held: the frame of the poses is the rig's
+    places_of = rig.T_cam_rig[at]  # held: the frame of the poses is the rig's
     state = State(tuple(rig.cameras[k] for k in at), _fitted(flat[known], points[known])[None], places_of, KNOWN)
     free = default_free(state, lens=False)
     state = solve(state, corners, np.ones(len(corners)), free).state

@@ -38,7 +38,7 @@ def too_small(board: Board) -> str:
     return f"The board is too far away: its squares have only {side:.0f} px." if side < PITCH else ""
 
 
-def poor(board: Board, found: Quality) -> str:
+def poor(found: Quality) -> str:
     """Too dark, too little contrast, or overexposed."""
     if np.isfinite(found.contrast) and found.contrast < CONTRAST:
         return "The board is too dark, or has too little contrast: more light."

@@ -156,7 +156,7 @@ class Guide:
         if why := gates.blurred(board, found):
             self._out_of_focus(now)
             return why
-        return gates.poor(board, found)
+        return gates.poor(found)
 
     def _out_of_focus(self, now: _Now | None) -> None:
         """Limit the wanted distances on the side of the blurred board at which no sharp one was."""

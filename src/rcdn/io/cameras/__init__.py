@@ -1,278 +1,36 @@
 """Reading and writing camera files: OpenCV, ROS, Kalibr, COLMAP, mrcal and rcdn's JSON (docs/formats.md)."""
 
-from __future__ import annotations
-
-import re
-from collections.abc import Iterable, Sequence
-from dataclasses import replace
-from pathlib import Path
-from typing import Any, Literal, get_args
-
-from rcdn.errors import FormatError, RcdnError, shown
-from rcdn.io.cameras import colmap, kalibr, mrcal, opencv, ours, ros, yaml_text
-from rcdn.io.cameras.base import Format, LensFit
+from rcdn.io.cameras.base import LensFit
+from rcdn.io.cameras.files import (
+    check_lens,
+    is_rig,
+    lens_fit,
+    noted,
+    read_camera,
+    read_cameras,
+    read_stereo,
+    write_camera,
+    write_stereo,
+)
+from rcdn.io.cameras.formats import FORMATS, CameraFormat, camera_format, names_of, parsed
 from rcdn.io.cameras.rig import Rectification, StereoCameras
-from rcdn.io.fields import is_rigid, read_text
-from rcdn.io.files import check_writable, write_text
-from rcdn.types import Camera, StereoCalibration
 
 __all__ = [
+    "FORMATS",
     "CameraFormat",
     "LensFit",
     "Rectification",
     "StereoCameras",
     "camera_format",
     "check_lens",
+    "is_rig",
     "lens_fit",
+    "names_of",
+    "noted",
+    "parsed",
     "read_camera",
     "read_cameras",
     "read_stereo",
     "write_camera",
     "write_stereo",
 ]
-
-CameraFormat = Literal["opencv", "ros", "kalibr", "colmap", "mrcal", "json"]
-
-_FORMATS = {
-    "opencv": opencv.FORMAT,
-    "ros": ros.FORMAT,
-    "kalibr": kalibr.FORMAT,
-    "colmap": colmap.FORMAT,
-    "mrcal": mrcal.FORMAT,
-    "json": ours.FORMAT,
-}
-_ENDINGS: dict[str, CameraFormat] = {
-    ".yaml": "opencv",
-    ".yml": "opencv",
-    ".txt": "colmap",
-    ".cameramodel": "mrcal",
-    ".json": "json",
-}
-
-
-def camera_format(path: str | Path, format: CameraFormat | None = None) -> CameraFormat:
-    """The format in which `path` is written: `format` if given, else determined by the file name.
-
-    `.cameramodel` is mrcal, `.txt` COLMAP, `.json` rcdn's; `.yaml` and `.yml` are OpenCV, or ROS if the name contains
-    `camera_info`, or Kalibr if it contains `camchain`. Raises FormatError for any other name.
-    """
-    if format is not None:
-        return _known(format)
-    name, ending = Path(path).stem.lower(), Path(path).suffix.lower()
-    if ending in (".yaml", ".yml") and "camera_info" in name:
-        return "ros"
-    if ending in (".yaml", ".yml") and "camchain" in name:
-        return "kalibr"
-    if ending not in _ENDINGS:
-        raise FormatError(
-            f"{path}: which format? End the name with {', '.join(_ENDINGS)}, or name one of {', '.join(_FORMATS)}"
-        )
-    return _ENDINGS[ending]
-
-
-def write_camera(
-    path: str | Path, camera: Camera, format: CameraFormat | None = None, fit: LensFit | None = None
-) -> LensFit | None:
-    """Write a camera in the format of `camera_format(path, format)`, whole or not at all.
-
-    All digits are kept. A camera with a `correction` is represented exactly in json only; to other formats `fit`
-    (default: the result of `lens_fit`) is written, which is also returned and added to the file as a comment. Returns
-    None if the file represents the camera exactly. Raises FormatError if the format can't hold the lens model, listing
-    those that can; OutputError as `write_text`.
-    """
-    kind, fit = _FORMATS[camera_format(path, format)], lens_fit(path, camera, format) if fit is None else fit
-    write_text(path, noted(kind.head, kind.text(camera if fit is None else fit.held), _texts([fit])))
-    return fit
-
-
-def check_lens(path: str | Path, camera: Camera, format: CameraFormat | None = None, stereo: bool = False) -> None:
-    """Raise FormatError if the format of `camera_format(path, format)` can't hold a camera with this lens model, or
-    (`stereo`) a pair of cameras."""
-    kind = _FORMATS[camera_format(path, format)]
-    if stereo and kind.stereo_texts is None:
-        raise _no_pair(kind)
-    kind.text(camera)
-
-
-def _no_pair(kind: Format) -> FormatError:
-    return FormatError(f"{kind.title} has no place for the pose of a pair; write opencv, ros, kalibr, mrcal or json")
-
-
-def lens_fit(path: str | Path, camera: Camera, format: CameraFormat | None = None) -> LensFit | None:
-    """The approximation of a camera with a `correction` in the format of `camera_format(path, format)`: the best fit of
-    the format's lens models (mrcal: of its splined stereographic model) over the frame, and its error; None if the
-    format represents the camera exactly.
-
-    Raises FormatError if no lens model of the format can approximate the camera.
-    """
-    kind = _FORMATS[camera_format(path, format)]
-    if camera.correction is None or kind.fit is None:
-        return None
-    try:
-        return kind.fit(camera)
-    except RcdnError as error:
-        raise FormatError(f"{kind.title}: {error}; write json") from error
-
-
-def _texts(fits: Sequence[LensFit | None]) -> list[str]:
-    return [fit.text for fit in fits if fit is not None]
-
-
-def noted(head: str, text: str, notes: Iterable[str | None]) -> str:
-    """The text of a file with `notes` inserted as comments after its `head`."""
-    lines = [f"# {note}\n" for note in dict.fromkeys(notes)]
-    return text.replace(head, head + "".join(lines), 1) if lines else text
-
-
-def read_camera(path: str | Path, format: CameraFormat | None = None, name: str | None = None) -> Camera:
-    """Read a camera; the format is recognised from the contents of the file, unless it is given.
-
-    `name`: the camera to read from a file with several (`cam1`; `left`; COLMAP's number). A distortion of zeros is read
-    as a pinhole. Raises FormatError, naming the file, the field and the fix, if the file contains no camera, several
-    cameras and no `name` is given, or a lens model that rcdn doesn't support.
-    """
-    cameras = read_cameras(path, format)
-    if name is None and len(cameras) == 1:
-        return next(iter(cameras.values()))
-    if name not in cameras:
-        raise FormatError(
-            f"{path}: holds the cameras {', '.join(cameras)}; name one of them"
-            + (f", not {shown(name)}" if name else "")
-        )
-    return cameras[name]
-
-
-def is_rig(path: str | Path) -> bool:
-    """Whether a file is rcdn's or COLMAP's JSON of a rig. Raises FormatError as `read_cameras` if it can't be read."""
-    text = read_text(path).lstrip()
-    if text.startswith("["):
-        return True
-    return text.startswith("{") and "lensmodel" not in text[:2000] and ours.load(str(path), text).get("kind") == "rig"
-
-
-def read_cameras(path: str | Path, format: CameraFormat | None = None) -> dict[str, Camera]:
-    """All cameras of a file by name, in its order; see `read_camera`. In formats for a single camera its name is
-    `camera`."""
-    found, data = _load(path, format)
-    return _FORMATS[found].cameras(data, str(path))
-
-
-def write_stereo(
-    path: str | Path, pair: StereoCameras | StereoCalibration, format: CameraFormat | None = None
-) -> list[Path]:
-    """Write two cameras and their relative pose; returns the files, which are two for ROS and mrcal: `path` with _left
-    and _right.
-
-    The lens models may differ. Raises FormatError for COLMAP, whose cameras.txt can't hold a pose, for ROS without a
-    rectification, and as `write_camera`, naming the camera that the format can't hold.
-    """
-    kind = _FORMATS[camera_format(path, format)]
-    if kind.stereo_texts is None:
-        raise _no_pair(kind)
-    found = StereoCameras.of(pair)
-    left, right = (_side(path, kind, side, format) for side in (("left", found.left), ("right", found.right)))
-    fits = [left[1], right[1]]
-    texts = kind.stereo_texts(replace(found, left=left[0], right=right[0]))
-    target = Path(path)
-    sides = [target.with_stem(f"{target.stem}_{side}") for side in ("left", "right")]
-    files = [target] if len(texts) == 1 else sides
-    for file in files:
-        check_writable(file)
-    for file, text, of in zip(files, texts, [fits] if len(texts) == 1 else [fits[:1], fits[1:]], strict=True):
-        write_text(file, noted(kind.head, text, _texts(of)))
-    return files
-
-
-def _side(
-    path: str | Path, kind: Format, side: tuple[str, Camera], format: CameraFormat | None
-) -> tuple[Camera, LensFit | None]:
-    """The representation of one camera of a pair in the file, and its `lens_fit`. `side`: (name, camera). Raises
-    FormatError, naming the side, if the format can't hold it."""
-    name, camera = side
-    try:
-        fit = lens_fit(path, camera, format)
-        held = camera if fit is None else fit.held
-        kind.text(held)
-    except FormatError as error:
-        raise FormatError(f"{name} camera: {error}") from error
-    return held, fit
-
-
-def read_stereo(left: str | Path, right: str | Path | None = None, format: CameraFormat | None = None) -> StereoCameras:
-    """Read two cameras and their relative pose, from one file (OpenCV, Kalibr, JSON) or from those of the `left` and
-    the `right` camera (ROS, mrcal).
-
-    The two files of OpenCV's stereo sample, intrinsics.yml and extrinsics.yml, are also accepted. The rectification is
-    None if the file has none (Kalibr, mrcal). Raises FormatError, naming the file, the field and the fix.
-    """
-    paths = [left] if right is None else [left, right]
-    found = [_load(path, format) for path in paths]
-    kinds = {kind for kind, _ in found} if format is None else {format}
-    if len(kinds) > 1:
-        raise FormatError(
-            f"{left} and {right}: one is {found[0][0]}, the other {found[1][0]}; give two files of one format"
-        )
-    kind = _FORMATS[kinds.pop()]
-    if kind.stereo is None:
-        raise FormatError(
-            f"{left}: {kind.title} has no place for the pose of a pair; give opencv, ros, kalibr, mrcal or json"
-        )
-    try:
-        pair = kind.stereo([(data, str(path)) for (_, data), path in zip(found, paths, strict=True)])
-    except RcdnError as error:
-        raise error if isinstance(error, FormatError) else FormatError(f"{left}: {error}") from error
-    if not is_rigid(pair.T_right_left):
-        raise FormatError(f"{left}: the pose of the right camera is no rotation and translation; export it again")
-    return pair
-
-
-def _known(format: str) -> CameraFormat:
-    for known in get_args(CameraFormat):
-        if format == known:
-            return known
-    raise FormatError(f"format must be one of {', '.join(_FORMATS)}, not {shown(format)}")
-
-
-MOST = 4_000_000
-"""largest number of characters of a camera file that isn't JSON: YAML of a larger file would take minutes to parse"""
-
-
-def _load(path: str | Path, format: CameraFormat | None) -> tuple[CameraFormat, Any]:
-    """(format, data) of a file; the format is recognised from its contents unless it is given."""
-    text = read_text(path)
-    if format is not None:
-        return format, parsed(_known(format), path, text)
-    lines = (line.strip() for line in text.splitlines())
-    first = next((line for line in lines if line and not line.startswith("#")), "")
-    for kind, sign in _SIGNS.items():
-        if re.match(sign, first) and (kind != "mrcal" or "lensmodel" in text):
-            return _known(kind), parsed(kind, path, text)
-    data = parsed("opencv", path, text) if text.strip() else None  # YAML of any of the formats
-    return _yaml_kind(data, path), data
-
-
-def parsed(kind: str, path: str | Path, text: str) -> Any:
-    """The data of a file in the format `kind`. Raises FormatError if it is too large for a camera file, and as the
-    format's reader."""
-    if len(text) > MOST and kind != "json":
-        raise FormatError(f"{path}: too large for a camera file ({len(text) / 1e6:.0f} MB); check the path")
-    return _FORMATS[kind].load(str(path), text)
-
-
-# patterns of the beginning of the first line that isn't a comment
-_SIGNS = {"mrcal": r"\{", "json": r"\{", "colmap": r"\d+\s+[A-Z_0-9]+\s+\d+\s+\d+\b"}
-
-
-def _yaml_kind(data: Any, path: str | Path) -> CameraFormat:
-    """The format of YAML data: Kalibr has cam0, ROS plain mappings, OpenCV tagged matrices."""
-    keys = {str(key).lower(): value for key, value in data.items()} if isinstance(data, dict) else {}
-    if kalibr.names(data):
-        return "kalibr"
-    matrix = keys.get("camera_matrix")
-    if isinstance(matrix, dict) and not isinstance(matrix, yaml_text.Matrix):
-        return "ros"
-    if {"camera_matrix", "m1", "r"} & set(keys):
-        return "opencv"
-    raise FormatError(
-        f"{path}: no camera file that rcdn knows ({', '.join(f.title for f in _FORMATS.values())}); check the path"
-    )

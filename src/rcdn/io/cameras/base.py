@@ -17,15 +17,6 @@ from rcdn.types import Array, Camera, CameraModel
 from rcdn.types.arrays import Real
 from rcdn.types.ranges import whole_size
 
-HOLDERS = {
-    "pinhole": "opencv, ros, kalibr, colmap, mrcal or json",
-    "brown": "opencv, ros, colmap, mrcal or json",
-    "rational": "opencv, ros, colmap, mrcal or json",
-    "fisheye": "opencv, ros, kalibr, colmap or json",
-    "division": "colmap or json",
-}
-"""formats that can hold any camera of a lens model"""
-
 
 @dataclass(frozen=True, eq=False)
 class LensFit:
@@ -51,6 +42,24 @@ class LensFit:
         )
 
 
+class UnheldLensError(FormatError):
+    """A format can't hold a camera with this lens `model`: `reason`; its message advises json, which holds any."""
+
+    def __init__(self, reason: str, model: CameraModel) -> None:
+        super().__init__(f"{reason} write json")
+        self.reason, self.model = reason, model
+
+    def naming(self, formats: Sequence[str]) -> FormatError:
+        """The error that advises these `formats` instead."""
+        return FormatError(f"{self.reason} write {one_of(formats)}")
+
+
+def one_of(formats: Sequence[str]) -> str:
+    """`a, b or c`."""
+    *others, last = formats
+    return f"{', '.join(others)} or {last}" if others else last
+
+
 @dataclass(frozen=True)
 class Format:
     """One format of camera files.
@@ -60,16 +69,28 @@ class Format:
     `stereo([(data, path), …])` the pair in one or two files. The last two are None for formats without stereo.
     `fit(camera)`: the approximation of a camera with a correction, whose `held` is passed to `text` and `stereo_texts`;
     None for a format that represents the correction. `head`: the text after which comments, `# …`, may be inserted.
+
+    Files are named by one of the `endings`, and, where other formats have those, by `mark` in the rest of the name.
+    `recognised(first, text)`: whether a text is of this format, by its `first` line that is no comment; in YAML, by the
+    data: `recognised_yaml(data)`. `lenses`: the models of which it holds any camera. `pair_files`: the files of a pair,
+    one or two. `rectified`: they hold the rectification.
     """
 
     title: str
     load: Callable[[str, str], Any]
     cameras: Callable[[Any, str], dict[str, Camera]]
     text: Callable[[Camera], str]
+    endings: tuple[str, ...]
+    lenses: tuple[CameraModel, ...]
     stereo_texts: Callable[[StereoCameras], tuple[str, ...]] | None = None
     stereo: Callable[[Sequence[tuple[Any, str]]], StereoCameras] | None = None
     fit: Callable[[Camera], LensFit] | None = None
     head: str = ""
+    mark: str = ""
+    recognised: Callable[[str, str], bool] | None = None
+    recognised_yaml: Callable[[Any], bool] | None = None
+    pair_files: int = 1
+    rectified: bool = False
 
 
 def coefficients(*models: tuple[CameraModel, int]) -> Callable[[Camera], LensFit]:
@@ -139,9 +160,9 @@ def pinhole_numbers(camera: Camera, title: str) -> Real[Array, " 4"]:
     return camera.parameters[:4]
 
 
-def unheld(camera: Camera, title: str) -> FormatError:
+def unheld(camera: Camera, title: str) -> UnheldLensError:
     """The error for a lens model that the format doesn't have."""
-    return FormatError(f"{title} has no lens model for {camera.model!r} cameras; write {HOLDERS[camera.model]}")
+    return UnheldLensError(f"{title} has no lens model for {camera.model!r} cameras;", camera.model)
 
 
 def pair_of(cameras: dict[str, Camera], path: str) -> tuple[Camera, Camera]:

@@ -4,14 +4,14 @@ on writing and subtracted on reading."""
 from __future__ import annotations
 
 import re
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
 from rcdn.errors import FormatError, shown
 from rcdn.io.cameras.base import Format, coefficients, make_camera, matrix, opencv_lens, pinhole_numbers
 from rcdn.io.cameras.yaml_text import digits
-from rcdn.types import Array, Camera
+from rcdn.types import Array, Camera, CameraModel
 
 TITLE = "COLMAP's cameras.txt"
 HALF = 0.5
@@ -100,4 +100,14 @@ def _cameras(data: Any, path: str) -> dict[str, Camera]:
 
 
 _FIT = coefficients(("brown", 5), ("rational", 8), ("fisheye", 4))
-FORMAT = Format(TITLE, _load, _cameras, _text, fit=_FIT)
+_FIRST = re.compile(r"\d+\s+[A-Z_0-9]+\s+\d+\s+\d+\b")
+FORMAT = Format(
+    TITLE,
+    _load,
+    _cameras,
+    _text,
+    (".txt",),
+    get_args(CameraModel),
+    fit=_FIT,
+    recognised=lambda first, _: _FIRST.match(first) is not None,
+)

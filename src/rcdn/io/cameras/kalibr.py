@@ -11,6 +11,7 @@ import numpy as np
 from rcdn.errors import FormatError, shown
 from rcdn.io.cameras.base import (
     Format,
+    UnheldLensError,
     coefficients,
     make_camera,
     matrix,
@@ -20,17 +21,16 @@ from rcdn.io.cameras.base import (
     unheld,
 )
 from rcdn.io.cameras.rig import StereoCameras
-from rcdn.io.cameras.yaml_text import flow, load
+from rcdn.io.cameras.yaml_text import YAML, flow, load
 from rcdn.io.fields import numbers, rigid, take, two_whole_numbers
 from rcdn.types import Array, Camera
 from rcdn.types.arrays import Real
 
 TITLE = "Kalibr's camchain"
-_OTHERS = "opencv, ros, colmap, mrcal or json"
 _LENGTHS = {"radtan": 4, "equidistant": 4, "none": -1}
 
 
-def _lens(camera: Camera, others: str) -> tuple[str, Array]:
+def _lens(camera: Camera) -> tuple[str, Array]:
     d = camera.distortion
     if camera.model == "fisheye":
         return "equidistant", d
@@ -40,21 +40,20 @@ def _lens(camera: Camera, others: str) -> tuple[str, Array]:
         raise unheld(camera, TITLE)
     beyond = [f"{n} = {v:g}" for n, v in zip(camera.parameter_names[8:], d[4:], strict=True) if v]
     if beyond:
-        raise FormatError(
+        raise UnheldLensError(
             f"{TITLE}: radtan holds k1 k2 p1 p2 only, but this camera has {', '.join(beyond)}; "
-            f"calibrate it with the model radtan or fisheye (`rcdn calibrate --model radtan`), or write {others}"
+            "calibrate it with the model radtan or fisheye (`rcdn calibrate --model radtan`), or",
+            camera.model,
         )
     return "radtan", d[:4]
 
 
-def entry(
-    camera: Camera, index: int, overlaps: Sequence[int], T: Real[Array, "4 4"] | None = None, others: str = _OTHERS
-) -> str:
+def entry(camera: Camera, index: int, overlaps: Sequence[int], T: Real[Array, "4 4"] | None = None) -> str:
     """The text of camera `index`, which shares views with the cameras `overlaps`; `T` (4, 4) transforms from the frame
     of the previous camera to its own.
 
-    Raises FormatError for a lens that a camchain can't hold, listing the formats `others` to use instead."""
-    kind, d = _lens(camera, others)
+    Raises FormatError for a lens that a camchain can't hold."""
+    kind, d = _lens(camera)
     pose = "" if T is None else "  T_cn_cnm1:\n" + "".join(f"  - {flow(row)}\n" for row in T)
     return (
         f"cam{index}:\n{pose}  cam_overlaps: {list(overlaps)}\n  camera_model: pinhole\n"
@@ -114,4 +113,16 @@ def _stereo(files: Sequence[tuple[Any, str]]) -> StereoCameras:
 
 
 _FIT = coefficients(("brown", 4), ("fisheye", 4))
-FORMAT = Format(TITLE, load, _cameras, lambda camera: entry(camera, 0, []), _stereo_texts, _stereo, _FIT)
+FORMAT = Format(
+    TITLE,
+    load,
+    _cameras,
+    lambda camera: entry(camera, 0, []),
+    YAML,
+    ("pinhole", "fisheye"),
+    _stereo_texts,
+    _stereo,
+    _FIT,
+    mark="camchain",
+    recognised_yaml=lambda data: bool(names(data)),
+)

@@ -150,4 +150,17 @@ def _cameras(data: Any, path: str) -> dict[str, Camera]:
     return {"camera": _camera(data, path)}
 
 
-FORMAT = Format(TITLE, _load, _cameras, _text, _stereo_texts, _stereo, _fit, head="{\n")
+FORMAT = Format(
+    TITLE,
+    _load,
+    _cameras,
+    _text,
+    (".cameramodel",),
+    ("pinhole", "brown", "rational"),
+    _stereo_texts,
+    _stereo,
+    _fit,
+    head="{\n",
+    recognised=lambda first, text: first.startswith("{") and "lensmodel" in text,
+    pair_files=2,
+)

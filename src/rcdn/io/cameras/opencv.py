@@ -20,7 +20,7 @@ from rcdn.io.cameras.base import (
     unheld,
 )
 from rcdn.io.cameras.rig import Rectification, StereoCameras
-from rcdn.io.cameras.yaml_text import Matrix, block_matrix, load
+from rcdn.io.cameras.yaml_text import YAML, Matrix, block_matrix, load
 from rcdn.io.fields import number
 from rcdn.types import Array, Camera
 from rcdn.types.arrays import Real
@@ -127,4 +127,17 @@ def _stereo(files: Sequence[tuple[Any, str]]) -> StereoCameras:
 
 
 _FIT = coefficients(("brown", 5), ("rational", 8), ("fisheye", 4))
-FORMAT = Format(TITLE, load, _cameras, _text, _stereo_texts, _stereo, _FIT, head="---\n")
+FORMAT = Format(
+    TITLE,
+    load,
+    _cameras,
+    _text,
+    YAML,
+    ("pinhole", "brown", "rational", "fisheye"),
+    _stereo_texts,
+    _stereo,
+    _FIT,
+    head="---\n",
+    recognised_yaml=lambda data: bool({"camera_matrix", "m1", "r"} & set(_lower(data))),
+    rectified=True,
+)

@@ -132,4 +132,15 @@ def _value(key: str, value: Any) -> str:
     return json.dumps(value, allow_nan=False)
 
 
-FORMAT = Format(TITLE, load, cameras, _text, _stereo_texts, _stereo)
+FORMAT = Format(
+    TITLE,
+    load,
+    cameras,
+    _text,
+    (".json",),
+    get_args(CameraModel),
+    _stereo_texts,
+    _stereo,
+    recognised=lambda first, _: first.startswith("{"),
+    rectified=True,
+)

@@ -11,7 +11,7 @@ from rcdn.errors import FormatError, shown
 from rcdn.geometry.rigid import motion
 from rcdn.io.cameras.base import Format, coefficients, make_camera, opencv_lens, pinhole_numbers, size_of, unheld
 from rcdn.io.cameras.rig import Rectification, StereoCameras
-from rcdn.io.cameras.yaml_text import block_matrix, load
+from rcdn.io.cameras.yaml_text import YAML, Matrix, block_matrix, load
 from rcdn.io.fields import numbers, take
 from rcdn.types import Array, Camera
 
@@ -92,9 +92,29 @@ def _stereo(files: Sequence[tuple[Any, str]]) -> StereoCameras:
     return StereoCameras(left, right, T, Rectification.without_q(R_left, R_right, P_left, P_right))
 
 
+def _recognised(data: Any) -> bool:
+    """Whether the camera matrix is a plain mapping, where OpenCV's has a tag."""
+    matrices = (value for key, value in data.items() if str(key).lower() == "camera_matrix")
+    return any(isinstance(value, dict) and not isinstance(value, Matrix) for value in matrices)
+
+
 def _cameras(data: Any, path: str) -> dict[str, Camera]:
     return {"camera": _camera(data, path)}
 
 
 _FIT = coefficients(("brown", 5), ("rational", 8), ("fisheye", 4))
-FORMAT = Format(TITLE, load, _cameras, _text, _stereo_texts, _stereo, _FIT)
+FORMAT = Format(
+    TITLE,
+    load,
+    _cameras,
+    _text,
+    YAML,
+    ("pinhole", "brown", "rational", "fisheye"),
+    _stereo_texts,
+    _stereo,
+    _FIT,
+    mark="camera_info",
+    recognised_yaml=_recognised,
+    pair_files=2,
+    rectified=True,
+)

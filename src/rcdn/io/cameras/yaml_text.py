@@ -14,6 +14,8 @@ from rcdn.errors import FormatError
 from rcdn.types import Array
 from rcdn.types.ranges import LARGEST
 
+YAML = (".yaml", ".yml")
+"""endings of its files' names"""
 MOST = 1_000_000
 """largest number of values in a file: with aliases, a short text can expand to any number of them"""
 

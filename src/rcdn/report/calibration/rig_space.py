@@ -78,7 +78,7 @@ def _boards(found: RigCalibration) -> tuple[list[Array], int]:
     number of boards."""
     largest: dict[bytes, tuple[int, Array]] = {}
     for name in found.rig.names:
-        back = np.linalg.inv(found.rig.poses[found.rig.index(name)].T_cam_board)
+        back = np.linalg.inv(found.rig.T_cam_rig[found.rig.index(name)])
         for view in found.cameras[name].used_views:
             if view.pose is None:
                 continue
@@ -92,7 +92,7 @@ def _boards(found: RigCalibration) -> tuple[list[Array], int]:
 
 def _in_rig(rig: Rig, name: str, points: Array) -> Array:
     """Points (N, 3), given in a camera's coordinates, in the rig's frame."""
-    return transform(Pose(np.linalg.inv(rig.poses[rig.index(name)].T_cam_board)), points)
+    return transform(Pose(np.linalg.inv(rig.T_cam_rig[rig.index(name)])), points)
 
 
 def _length(rig: Rig, boards: list[Array]) -> float:
