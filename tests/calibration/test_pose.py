@@ -49,10 +49,23 @@ def test_the_covariance_holds_the_error(model, sigma):
         off = error_of(found.T_cam_board, T)
         squares.append(off @ np.linalg.solve(found.cov, off))
         assert not found.ambiguous
-        assert found.std == pytest.approx(np.sqrt(np.diag(found.cov)))
+        assert found.std[:3] == pytest.approx(np.sqrt(np.diag(found.cov))[:3])
         assert found.rms == pytest.approx(0.2 * np.sqrt(2), rel=0.35)
     assert 3 < np.mean(squares) < 9.5
     assert max(squares) < 30
+
+
+def test_deviations_of_the_position_are_those_of_the_position_itself():
+    """Of `t`, not of the motion that `cov` is of: that one turns the board about the camera's centre first."""
+    (seen, T), rng = views(BROWN, 3, 1)[0], np.random.default_rng(4)
+    off, told = [], []
+    for _ in range(100):
+        xy = see(BROWN, T)[1] + rng.normal(0, 0.2, seen.xy.shape)
+        found = estimate_pose(replace(seen, xy=xy), BROWN, SPACING)
+        off.append(found.t - T[:3, 3])
+        told.append(found.std[3:])
+    assert np.sqrt(np.mean(np.square(off), axis=0)) / np.mean(told, axis=0) == pytest.approx(np.ones(3), abs=0.2)
+    assert [found.std[name] for name in ("tx", "ty", "tz")] == pytest.approx(told[-1])
 
 
 def test_a_camera_of_another_picture_size_is_refused():

@@ -99,6 +99,17 @@ def test_a_camera_that_sees_the_board_elsewhere_is_left_out_and_named():
     assert np.linalg.norm(motion(found.T_rig_board, T)[3:]) < 0.01
 
 
+def test_deviations_of_the_position_are_those_of_the_position_itself():
+    boards, T = shown(np.random.default_rng(7), noise=1e-9)
+    rng, off, told, sigma = np.random.default_rng(8), [], [], np.full(len(boards["c0"]), 0.1)
+    for _ in range(60):
+        noisy = {n: replace(b, xy=b.xy + rng.normal(0, 0.1, b.xy.shape), sigma=sigma) for n, b in boards.items()}
+        found = estimate_rig_pose(noisy, rig(), SPACING)
+        off.append((found.T_rig_board - T)[:3, 3])
+        told.append(found.std[3:])
+    assert np.sqrt(np.mean(np.square(off), axis=0)) / np.mean(told, axis=0) == pytest.approx(np.ones(3), abs=0.25)
+
+
 def test_part_of_a_plain_board_tells_nothing_beside_the_whole():
     boards, _ = shown(np.random.default_rng(4))
     some = boards["c1"].ij[:, 0] < 5

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+import rcdn
 from rcdn.calibration import calibrate_stereo
-from rcdn.calibration.rig import turn_labels
+from rcdn.calibration.rig import reversed_in_a_mirror, turn_labels
 from rcdn.errors import CalibrationError, ConfigError
 from rcdn.geometry import rotation, unproject
 from rcdn_lab.camera_scenes import CAMERAS, SPACING, board, random_pose, see
@@ -181,13 +182,27 @@ def test_a_constant_offset_of_the_pictures_is_named(pair, by):
 @pytest.mark.parametrize("side", [0, 1])
 def test_a_mirrored_camera_is_named(pair, side):
     def mirror(b):
-        """As a detector labels a mirrored picture: right-handed there."""
-        return replace(b, xy=b.xy * [-1, 1] + [639, 0], ij=b.ij * [-1, 1] + [8, 0])
+        """As a detector labels a mirrored picture of 9×6 corners (the test below): right-handed there."""
+        return replace(b, xy=b.xy * [-1, 1] + [639, 0], ij=b.ij * [1, -1] + [0, 5])
 
     both = list(pair[:2])
     both[side] = [mirror(b) for b in both[side]]
     with pytest.raises(CalibrationError, match="mirrored: turn its mirror"):
         calibrate_stereo(*both, SPACING, model="pinhole")
+
+
+@pytest.mark.parametrize("size", [(9, 6), (8, 5)])
+def test_labels_of_a_mirrored_picture_run_the_other_way_along_the_even_side(size):
+    squares = np.kron(np.indices((size[1] + 1, size[0] + 1)).sum(0) % 2, np.ones((30, 30)))
+    picture = np.uint8(60 + 120 * np.pad(squares, 50, constant_values=1))
+    (there,), (here,) = (rcdn.Detector().detect(p).boards for p in (picture, picture[:, ::-1].copy()))
+    assert there.size == here.size == size
+    axis = reversed_in_a_mirror(size)
+    labels = here.ij.copy()
+    labels[:, axis] = size[axis] - 1 - labels[:, axis]
+    at = {tuple(ij): xy for ij, xy in zip(labels.tolist(), here.xy, strict=True)}
+    back = np.array([at[tuple(ij)] for ij in there.ij.tolist()]) * [-1, 1] + [picture.shape[1] - 1, 0]
+    assert back == pytest.approx(there.xy, abs=0.05)
 
 
 def test_boards_that_one_camera_saw_help(pair):

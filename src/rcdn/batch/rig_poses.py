@@ -105,13 +105,11 @@ def _moments(found: Mapping[str, Gathered], size: tuple[int, int] | None) -> dic
 
 
 def _line(moment: str, pose: RigPoseEstimate) -> str:
-    x, y, z = (pose.T_rig_board if pose.T_rig_target is None else pose.T_rig_target)[:3, 3]
-    std = pose.std
+    from rcdn.terminal.camera_text import position
+
+    T = pose.T_rig_board if pose.T_rig_target is None else pose.T_rig_target
     out = "".join(f"  without {name}: {why}" for name, why in pose.left_out.items())
-    return (
-        f"{one_line(moment)}  x {x:.4f}  y {y:.4f}  z {z:.4f}  (± {std[3]:.4f} {std[4]:.4f} {std[5]:.4f})  rms "
-        f"{pose.rms:.3f} px  by {', '.join(pose.residuals)}{out}"
-    )
+    return f"{one_line(moment)}  {position(T, pose.cov)}  rms {pose.rms:.3f} px  by {', '.join(pose.residuals)}{out}"
 
 
 def _record(moment: str, pose: RigPoseEstimate) -> dict[str, Any]:

@@ -153,7 +153,9 @@ def rig_lines(done: RigCalibration) -> list[str]:
 def _board_line(board: FixedBoard) -> str:
     import numpy as np
 
-    spread = 1000 * np.sqrt(np.trace(board.cov[3:, 3:]))
+    from rcdn.types import translation_covariance
+
+    spread = 1000 * np.sqrt(np.trace(translation_covariance(board.T_first_board, board.cov)))
     return f"  {board.name}: fixed at {_triple(board.T_first_board[:3, 3])} m ± {spread:.2g} mm of the first board"
 
 

@@ -148,17 +148,24 @@ def determines_pose(*views: BoardView) -> bool:
 
 def _agree_mirrored(first: Calibration, second: Calibration, pairs: list[tuple[int, int]]) -> int:
     """Number of pairs that would agree if the right images were mirrored."""
-    flip = np.diag([-1.0, 1, 1, 1])
-    cols = (first.size or (1, 1))[0] - 1
-    undo = np.diag([-1.0, 1, 1, 1])
-    undo[0, 3] = cols * second.spacing
+    flip, undo = np.diag([-1.0, 1, 1, 1]), np.eye(4)
+    size = present(first.size, "Calibration.size")
+    axis = reversed_in_a_mirror(size)
+    undo[axis, axis], undo[axis, 3] = -1, (size[axis] - 1) * second.spacing
     found = []
     for a, b in pairs:
-        T = flip @ matrix(second.views[b]) @ undo  # reverses the x axes of camera and board
+        T = flip @ matrix(second.views[b]) @ undo  # reverses the camera's x axis, and that axis of the board
         T[:3, 2] = np.cross(T[:3, 0], T[:3, 1])
         found.append(T @ np.linalg.inv(matrix(first.views[a])))
     reach = np.array([np.linalg.norm(matrix(first.views[a])[:3, 3]) for a, _ in pairs])
     return Hypotheses(np.array(found)[:, None], (0,), reach).most_agreed()[1]
+
+
+def reversed_in_a_mirror(size: tuple[int, int]) -> int:
+    """The axis of a board of this `size` (columns, rows), one of them even, along which labels run the other way in a
+    mirrored picture: 0 for columns, 1 for rows. A mirror exchanges the colours around each corner, as does reversing an
+    even number of corners; labels stay right-handed."""
+    return 0 if size[0] % 2 == 0 else 1
 
 
 def matrix(view: BoardView) -> Array:

@@ -11,6 +11,7 @@ from rcdn.errors import many
 from rcdn.geometry.rigid import rotation_angle
 from rcdn.geometry.spline_grid import largest_shift
 from rcdn.terminal.group import one_line
+from rcdn.types.camera import pose_std
 from rcdn.types.shown import decimals
 
 if TYPE_CHECKING:
@@ -112,7 +113,7 @@ def cut_lines(calibration: Calibration) -> list[str]:
 
 def stereo_lines(stereo: StereoCalibration) -> list[str]:
     """The pose of the right camera, and the reprojection error of both."""
-    std = np.sqrt(np.diag(stereo.cov))
+    std = pose_std(stereo.T_right_left, stereo.cov)
     t = stereo.T_right_left[:3, 3]
     turn = rotation_angle(stereo.T_right_left[:3, :3])
     place = ", ".join(f"{v:.5f} ± {s:.5f}" for v, s in zip(t, std[3:], strict=True))
@@ -131,11 +132,18 @@ def stereo_lines(stereo: StereoCalibration) -> list[str]:
 
 def pose_line(name: str, pose: PoseEstimate) -> str:
     """A board's pose on one line: the position of its corner (0, 0), or of the origin of its target's own tools."""
-    x, y, z = pose.t if pose.T_cam_target is None else pose.T_cam_target[:3, 3]
-    std = pose.std
+    T = pose.T_cam_board if pose.T_cam_target is None else pose.T_cam_target
     turn = np.degrees(np.arccos(np.clip(abs(pose.R[2, 2]), 0, 1)))
     doubt = "  AMBIGUOUS: a second pose fits as well" if pose.ambiguous else ""
     return (
-        f"{one_line(name)}  x {x:.4f}  y {y:.4f}  z {z:.4f}  (± {std[3]:.4f} {std[4]:.4f} {std[5]:.4f})  tilt "
-        f"{turn:.1f}° (± {np.degrees(std[:2].max()):.2f}°)  rms {pose.rms:.3f} px{doubt}"
+        f"{one_line(name)}  {position(T, pose.cov)}  tilt {turn:.1f}° (± {np.degrees(pose.std[:2].max()):.2f}°)  "
+        f"rms {pose.rms:.3f} px{doubt}"
     )
+
+
+def position(T: Array, cov: Array) -> str:
+    """The translation of a pose with its standard deviations, to two digits of the smallest."""
+    std = pose_std(T, cov)[3:]
+    digits = decimals(float(std.min()))
+    x, y, z = (f"{v:z.{digits}f}" for v in T[:3, 3])
+    return f"x {x}  y {y}  z {z}  (± {' '.join(f'{s:.{digits}f}' for s in std)})"

@@ -16,7 +16,7 @@ from rcdn.types.calibration import (
     StereoCalibration,
     Verdict,
 )
-from rcdn.types.camera import LENS, Camera, CameraModel, Pose, PoseEstimate
+from rcdn.types.camera import LENS, Camera, CameraModel, Pose, PoseEstimate, pose_std, translation_covariance
 from rcdn.types.corners import Board, Corners, Orientation, Status, usual_size
 from rcdn.types.correction import LensCorrection
 from rcdn.types.limits import Warnings, allowed
@@ -70,5 +70,7 @@ __all__ = [
     "Warnings",
     "allowed",
     "plane_points",
+    "pose_std",
+    "translation_covariance",
     "usual_size",
 ]

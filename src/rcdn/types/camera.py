@@ -263,5 +263,20 @@ class PoseEstimate(Pose):
 
     @property
     def std(self) -> Named:
-        """(6,) standard deviations: rotation, rad; translation, board's unit. Also by name: `rx ry rz tx ty tz`."""
-        return Named(np.sqrt(np.diag(self.cov)), ("rx", "ry", "rz", "tx", "ty", "tz"))
+        """(6,) standard deviations: of a small rotation about the camera's axes, rad; of `t`, board's unit. Also by
+        name: `rx ry rz tx ty tz`."""
+        return Named(pose_std(self.T_cam_board, self.cov), ("rx", "ry", "rz", "tx", "ty", "tz"))
+
+
+def pose_std(T: Array, cov: Array) -> Real[Array, " 6"]:
+    """(6,) standard deviations of the pose `T` (4, 4), given the covariance `cov` (6, 6) of a small motion applied
+    after it: of the motion's rotation vector, and of T's translation, which that rotation moves, too."""
+    return np.sqrt(np.concatenate([np.diag(cov)[:3], np.diag(translation_covariance(T, cov))]))
+
+
+def translation_covariance(T: Array, cov: Array) -> Real[Array, "3 3"]:
+    """(3, 3) covariance of the translation t of the pose `T` (4, 4), given `cov` (6, 6) of a small motion (δr, δt)
+    applied after it: t changes by δr × t + δt."""
+    x, y, z = T[:3, 3]
+    J = np.array([[0, z, -y, 1, 0, 0], [-z, 0, x, 0, 1, 0], [y, -x, 0, 0, 0, 1]], float)
+    return np.asarray(J @ cov @ J.T)

@@ -10,7 +10,7 @@ import numpy as np
 from rcdn.errors import RcdnError, many
 from rcdn.types.arrays import Real
 from rcdn.types.base import Array, Value, freeze
-from rcdn.types.camera import Camera, Pose
+from rcdn.types.camera import Camera, Pose, pose_std
 from rcdn.types.shown import table
 
 
@@ -124,8 +124,9 @@ class RigPoseEstimate(Value):
 
     @property
     def std(self) -> Real[Array, " 6"]:
-        """(6,) standard deviations of the rotation vector, rad, and the translation, m."""
-        return np.sqrt(np.diag(self.cov))
+        """(6,) standard deviations: of a small rotation about the rig's axes, rad; of the translation of T_rig_board,
+        m."""
+        return pose_std(self.T_rig_board, self.cov)
 
     def __repr__(self) -> str:
         x, y, z = self.T_rig_board[:3, 3]

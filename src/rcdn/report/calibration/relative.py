@@ -16,7 +16,7 @@ from rcdn.geometry.rigid import rotation_angle, rotation_vector
 from rcdn.report.calibration import charts
 from rcdn.report.calibration.formats import coordinate, number, value_and_std
 from rcdn.report.calibration.svg import Drawing, dots, each, polyline, segments, tag
-from rcdn.types import Array, BoardView, Calibration, StereoCalibration
+from rcdn.types import Array, BoardView, Calibration, StereoCalibration, pose_std
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ def turn_angle(stereo: StereoCalibration) -> float:
 
 def places(stereo: StereoCalibration) -> RelativePose:
     """The relative pose of the two cameras."""
-    T, spread = stereo.T_right_left, np.sqrt(np.diag(stereo.cov))
+    T, spread = stereo.T_right_left, pose_std(stereo.T_right_left, stereo.cov)
     rows = [("baseline", *value_and_std(1000 * stereo.baseline, 1000 * baseline_std(stereo)), "mm")]
     rows += [(f"t{n}", *value_and_std(1000 * T[k, 3], 1000 * spread[3 + k]), "mm") for k, n in enumerate("xyz")]
     turns = np.degrees(rotation_vector(T[:3, :3]))

@@ -20,7 +20,7 @@ from rcdn.report.calibration.formats import DASH, bare_pixels, number, value_and
 from rcdn.report.calibration.gallery import Gallery, gallery
 from rcdn.report.calibration.pictures import Pictures
 from rcdn.report.calibration.rig_space import rig_in_space
-from rcdn.types import Array, RigCalibration, RigPair
+from rcdn.types import Array, RigCalibration, RigPair, pose_std
 
 OVERLAYS = 2_000_000
 """maximum size of the drawings of all views, bytes; above it they are left out with a note"""
@@ -164,7 +164,7 @@ def _boards(found: RigCalibration) -> list[Row]:
         if board.target == board.first:
             rows.append(Row(board.name, (DASH,) * 6, "first"))
             continue
-        spread = 1000 * np.sqrt(np.diag(board.cov)[3:])
+        spread = 1000 * pose_std(board.T_first_board, board.cov)[3:]
         place = (value_and_std(v, s)[0] for v, s in zip(1000 * board.T_first_board[:3, 3], spread, strict=True))
         turn = rotation_angle(board.T_first_board[:3, :3])
         sure = float(np.degrees(np.sqrt(np.trace(board.cov[:3, :3]))))
