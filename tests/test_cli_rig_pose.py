@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -76,3 +77,42 @@ def test_wrong_use_is_said(made):
         result = run(*words)
         assert result.exit_code == 2, (words, result.output)
         assert text in result.stderr, (words, result.stderr)
+
+
+def film(path, camera, poses, blurred, size=(9, 6), side=40):
+    """A video of a board in these poses through a pinhole, some of its frames blurred."""
+    squares = np.kron(np.indices((size[1] + 1, size[0] + 1)).sum(0) % 2, np.ones((side, side)))
+    sheet = np.float32(np.pad(40 + 170 * squares, side, constant_values=210))
+    scale = SPACING / side
+    to_board = np.array([[scale, 0, -2 * SPACING + scale / 2], [0, scale, -2 * SPACING + scale / 2], [0, 0, 1]])
+    video = cv2.VideoWriter(path, cv2.VideoWriter_fourcc(*"MJPG"), 10, camera.image_size)
+    for k, T in enumerate(poses):
+        H = camera.K @ T[:3, [0, 1, 3]] @ to_board
+        image = cv2.warpPerspective(sheet, H, camera.image_size, flags=cv2.INTER_LINEAR, borderValue=120)
+        image = cv2.GaussianBlur(image, (0, 0), 2.5 if k in blurred else 0.7)
+        video.write(cv2.cvtColor(np.uint8(np.clip(image, 0, 255)), cv2.COLOR_GRAY2BGR))
+    video.release()
+
+
+def test_of_videos_all_cameras_are_asked_at_each_moment(tmp_path, monkeypatch):
+    """Each video's own sharp frames are others."""
+    monkeypatch.chdir(tmp_path)
+    scene, rng = row([0.2], ("pinhole",)), np.random.default_rng(3)
+    names, first = tuple(scene.places), np.linalg.inv(scene.places["c0"])
+    rig = Rig(names, tuple(scene.cameras.values()), tuple(Pose(T @ first) for T in scene.places.values()))
+    write_rig("rig.json", rig)
+    poses = []
+    while len(poses) < 9:
+        T = random_pose(rng, 0.1, 0.4, (0.6, 0.8))
+        if all(len(see(c, M @ T)[0]) == 54 for c, M in zip(rig.cameras, rig.T_cam_rig, strict=True)):
+            poses.append(T)
+    for name, camera, M, blurred in zip(names, rig.cameras, rig.T_cam_rig, ((1, 4, 7), (2, 5, 8)), strict=True):
+        film(f"{name}.avi", camera, [M @ T for T in poses], blurred)
+    result = run("c0.avi", "c1.avi", "--rig", "rig.json", "--json", "poses.json")
+    assert result.exit_code == 0, result.output
+    lines = [line for line in result.stdout.splitlines() if line.startswith("#")]
+    assert len(lines) >= 6
+    assert all(line.endswith("by c0, c1") for line in lines), lines
+    for record in json.loads(Path("poses.json").read_text())["rig_poses"]:
+        T = poses[int(record["moment"].lstrip("#"))]
+        assert np.array(record["T_rig_board"])[:3, 3] == pytest.approx(T[:3, 3], abs=0.004)

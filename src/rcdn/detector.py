@@ -10,6 +10,7 @@ import numpy as np
 from rcdn.boards import BOARDS, largest
 from rcdn.boards.of_views import distinct_boards, distinct_corners
 from rcdn.config import DetectorConfig
+from rcdn.corners.faint import stretched
 from rcdn.corners.response import load_model
 from rcdn.errors import ConfigError, shown
 from rcdn.geometry.rows import joint, rows_among
@@ -93,8 +94,16 @@ class Detector:
         return self.detect(image).boards
 
     def detect(self, image: Any) -> Detection:
-        """Corners and boards of one image in a single pass."""
-        grey, warnings = grey_of(image), Warnings()
+        """Corners and boards of one image; if it is faint, of it with usual contrast, should that show more."""
+        grey = grey_of(image)
+        found = self._detect(grey)
+        whole = bool(found.boards) and all(board.complete for board in found.boards)
+        if whole or not self.config.pyramid or (clear := stretched(grey)) is None:
+            return found
+        return max(found, self._detect(clear), key=lambda seen: sum(map(len, seen.boards)))
+
+    def _detect(self, grey: Array) -> Detection:
+        warnings = Warnings()
         results = Views(grey, self._model, self.config, warnings).results()
         boards = distinct_boards([result.boards for result in results])
         boards = largest(boards, allowed(grey.size, *BOARDS), "boards", warnings)

@@ -6,9 +6,13 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rcdn.batch.pairs import stems, trailing_numbers
 from rcdn.errors import ConfigError
+
+if TYPE_CHECKING:
+    from rcdn.batch.inputs import Numbers
 
 
 def cameras_in(inputs: Sequence[str]) -> dict[str, list[str]]:
@@ -35,6 +39,14 @@ def _name(text: str) -> str:
     path = Path(text)
     name = path.name if path.is_dir() else path.stem
     return name.replace("*", "").replace("?", "").strip("_-. ") or path.parent.name or text
+
+
+def chosen_by_any(frames: Sequence[Numbers]) -> Numbers:
+    """The union of the frame numbers chosen in the cameras' videos, so that all cameras have the same; () if they have
+    different numbers of videos."""
+    if len({len(each) for each in frames}) > 1:
+        return ()
+    return tuple(tuple(sorted(set().union(*numbers))) for numbers in zip(*frames, strict=True))
 
 
 def moments_of(pictures: Sequence[Sequence[str]]) -> tuple[list[list[str]], str]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from rcdn.batch.behind import make_two_sided, two_sided
 from rcdn.batch.cache import Cache
-from rcdn.batch.moments import cameras_in, moments_of
+from rcdn.batch.moments import cameras_in, chosen_by_any, moments_of
 from rcdn.batch.no_board import note_target
 from rcdn.batch.pose_outputs import tell_poses
 from rcdn.config import DetectorConfig
@@ -21,7 +21,7 @@ from rcdn.terminal.group import one_line
 from rcdn.terminal.spacing import Length, Lengths, check_spacing, side, sizes_of
 
 if TYPE_CHECKING:
-    from rcdn.batch.inputs import Gathered
+    from rcdn.batch.inputs import Gathered, Numbers
     from rcdn.types import Board, Rig, RigPoseEstimate
 
 EVERY = 10**9
@@ -37,8 +37,9 @@ class DetectionSettings:
     jobs: int
     size: tuple[int, int] | None
 
-    def gather(self, inputs: Sequence[str]) -> Gathered:
-        """The boards in `inputs`, including those whose codes are seen from behind."""
+    def gather(self, inputs: Sequence[str], numbers: Numbers | None = None) -> Gathered:
+        """The boards in `inputs`, including those whose codes are seen from behind; of videos in the frames with these
+        `numbers`, if they are given."""
         from rcdn.batch.inputs import gather
 
         got = gather(
@@ -47,6 +48,7 @@ class DetectionSettings:
             jobs=self.jobs,
             cache=two_sided(self.store),
             frames=EVERY,
+            numbers=numbers,
             size=self.size,
             make=make_two_sided,
         )
@@ -66,6 +68,11 @@ def rig_poses(
     rig = read_rig(path)
     cameras = _named(rig, cameras_in(inputs), path)
     found = {name: settings.gather(each) for name, each in cameras.items()}
+    chosen = chosen_by_any([got.frames for got in found.values()])
+    found = {
+        name: settings.gather(cameras[name], chosen) if chosen and got.frames != chosen else got
+        for name, got in found.items()
+    }
     check_spacing(length, sizes_of([b for got in found.values() for i in got.images for b in i.boards], settings.size))
 
     def solved(moment: str, boards: Mapping[str, Board]) -> tuple[str, dict[str, Any]]:

@@ -11,7 +11,7 @@ from rcdn.batch.calibration_outputs import Outputs
 from rcdn.batch.calibration_runs import Problem, Run, flat, pictures_of
 from rcdn.batch.camera_files import rig_refusal, write_rig_files
 from rcdn.batch.known_cameras import known_cameras
-from rcdn.batch.moments import cameras_in, moments_of
+from rcdn.batch.moments import cameras_in, chosen_by_any, moments_of
 from rcdn.batch.pairs import stems
 from rcdn.batch.rig_lags import in_step, with_neighbours
 from rcdn.errors import CalibrationError, many
@@ -101,7 +101,7 @@ def _gathered(run: Run, cameras: Mapping[str, Sequence[str]], problem: Problem) 
     found = {
         name: run.gather(inputs, cameras=len(cameras), silent=READ_IN_A_MIRROR) for name, inputs in cameras.items()
     }
-    chosen = _together([got.frames for got in found.values()])
+    chosen = chosen_by_any([got.frames for got in found.values()])
     chosen = _and_beside_them(chosen) if problem.correct_time else chosen
     for name, inputs in cameras.items():
         if chosen and found[name].frames != chosen:
@@ -109,14 +109,6 @@ def _gathered(run: Run, cameras: Mapping[str, Sequence[str]], problem: Problem) 
         found[name] = seen_from_behind(run, name, inputs, found[name])
         run.check(found[name], problem.spacing)
     return found
-
-
-def _together(frames: Sequence[Numbers]) -> Numbers:
-    """The union of the frame numbers chosen in the cameras' videos; () if the cameras have different numbers of
-    videos."""
-    if len({len(each) for each in frames}) > 1:
-        return ()
-    return tuple(tuple(sorted(set().union(*numbers))) for numbers in zip(*frames, strict=True))
 
 
 def _and_beside_them(frames: Numbers) -> Numbers:

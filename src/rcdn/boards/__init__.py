@@ -18,6 +18,7 @@ from rcdn.boards.local import Grid
 from rcdn.boards.merge import merge
 from rcdn.boards.overlap import separated
 from rcdn.boards.rim import cut_at_rim
+from rcdn.boards.side_by_side import apart
 from rcdn.boards.validate import believable, distinct, has_rims, is_full, plain, prune, skips_lines
 from rcdn.corners import Candidates
 from rcdn.geometry.median import median
@@ -64,7 +65,8 @@ def find_boards(
     whole = set(map(id, parts))
     height, width = grey.shape
     joined = merge(field, [g for g in parts if len(g) >= CELL])
-    merged = [part for g in joined for part in separated(g, (width, height)) if len(part) * 2 >= least]
+    single = [part for g in joined for one in apart(g) for part in separated(one, (width, height))]
+    merged = [g for g in single if len(g) * 2 >= least]
     merged = [g for g in merged if plain(g, field.response, typical)]
     left = allowed(grey.size, *FILLED)
     for grid in largest(merged, allowed(grey.size, *BOARDS), "boards", warnings):
