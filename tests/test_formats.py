@@ -195,6 +195,7 @@ def test_wrong_forms(tmp_path, change, words):
         (b"[]", "version"),
         (b'{"version": 1', "not JSON"),
         (b'{"version": 1, "images": [NaN]}', "NaN is not a JSON number"),
+        (b'{"version": 1, "kind": "calibration"}', "no detections but of the kind 'calibration'"),
         (b"[" * 100_000, "not JSON"),
         (b"\xff\xfe\x00\x01", "not a text file"),
     ],

@@ -24,8 +24,10 @@ def find_chessboard_corners(
     """A drop-in for `cv2.findChessboardCorners(image, patternSize)`: (found, corners (N, 1, 2) float32, row by row).
 
     `patternSize`: inner corners (columns, rows). `corners` and `flags` are accepted and ignored, so that calls written
-    for OpenCV work as they are. The corners are already refined to sub-pixel accuracy. Returns
-    (False, None) if the picture shows no complete board of that size. Raises ConfigError for a size under 3×3 and
+    for OpenCV work as they are. The shape is that of OpenCV 4 (OpenCV 5 has (N, 2)). Of boards with one even and one
+    odd side the order is OpenCV's; others look the same turned by 180° (or 90°), and may begin at another corner than
+    there. The corners are already refined to sub-pixel accuracy. Returns (False, None) if the picture shows no complete
+    board of that size. Raises ConfigError for a size under 3×3 and
     ImageError for an unusable image.
     """
     cols, rows = grid_size(patternSize, "patternSize", 3)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from rcdn.calibration import calibrate, estimate_pose
 from rcdn.calibration.bundle import State, lens_prior
 from rcdn.calibration.plain_lens import plain_fit
 from rcdn.calibration.smooth_lens import Bending, with_correction
-from rcdn.io import lens_fit
+from rcdn.cli import app
+from rcdn.io import lens_fit, write_calibration
 from rcdn_lab.camera_scenes import CAMERAS, SPACING, board, random_boards
 
 BROWN, NOISE = CAMERAS["brown"], 0.03
@@ -71,10 +73,20 @@ def test_a_file_of_coefficients_holds_what_the_corners_give_without_a_correction
     assert error(found.held) < error(nearest.held)
 
 
-def test_formats_with_a_correction_of_their_own_need_no_other_lens(rippled):
+def convert(done, folder, *options):
+    write_calibration(folder / "c.json", done)
+    return CliRunner().invoke(app, ["convert", str(folder / "c.json"), str(folder / "a.yaml"), *options])
+
+
+def test_formats_with_a_correction_of_their_own_need_no_other_lens(rippled, tmp_path):
     smooth = calibrate(rippled, SPACING, model="splined", flat=True)
     assert plain_fit("a.json", smooth) is None
     assert not plain_fit("a.cameramodel", smooth).solved
+    refused, written = (convert(smooth, tmp_path, *lossy) for lossy in ((), ("--lossy",)))
+    assert (refused.exit_code, written.exit_code) == (1, 0)
+    told = plain_fit(str(tmp_path / "a.yaml"), smooth).text
+    assert told in refused.stderr  # what --lossy would write is what it writes
+    assert told in written.stderr
     assert plain_fit("a.yaml", calibrate(rippled, SPACING, model="brown", flat=True)) is None
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +14,7 @@ from rcdn.calibration import calibrate_stereo
 from rcdn.calibration.rig import reversed_in_a_mirror, turn_labels
 from rcdn.errors import CalibrationError, ConfigError
 from rcdn.geometry import rotation, unproject
+from rcdn.terminal.camera_text import swapped_hint
 from rcdn_lab.camera_scenes import CAMERAS, SPACING, board, random_pose, see
 
 T_RIGHT_LEFT = np.eye(4)
@@ -203,6 +205,18 @@ def test_labels_of_a_mirrored_picture_run_the_other_way_along_the_even_side(size
     at = {tuple(ij): xy for ij, xy in zip(labels.tolist(), here.xy, strict=True)}
     back = np.array([at[tuple(ij)] for ij in there.ij.tolist()]) * [-1, 1] + [picture.shape[1] - 1, 0]
     assert back == pytest.approx(there.xy, abs=0.05)
+
+
+def test_one_camera_twice_is_refused(pair):
+    with pytest.raises(ConfigError, match="the same boards, corner by corner"):
+        calibrate_stereo(pair[0], pair[0], SPACING)
+
+
+def test_cameras_the_other_way_round_are_told(pair):
+    left, right, _ = pair
+    assert swapped_hint(calibrate_stereo(left, right, SPACING, model="pinhole")) == ""
+    swapped = swapped_hint(calibrate_stereo(right, left, SPACING, model="pinhole"))
+    assert re.search(r"right camera stands 0\.1\d+ m to the left of the left one", swapped)
 
 
 def test_boards_that_one_camera_saw_help(pair):

@@ -182,6 +182,8 @@ def two_cameras(
     )
     out = camera_text.left_out_lines(done.left) + camera_text.left_out_lines(done.right)
     _print_results(done, camera_text.stereo_lines(done), out)
+    if hint := camera_text.swapped_hint(done):
+        console.note(hint)
     run.failed |= not outputs.write(
         outputs.kept(done.left, done.right),
         lambda path: camera_files.write_pair(path, done, outputs.format),

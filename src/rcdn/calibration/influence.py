@@ -46,14 +46,14 @@ class ViewInformation:
     def at_optimum(self) -> ViewInformation:
         """The same views, linearised after one Gauss–Newton step, where the sum of their scores is zero up to the
         prior."""
-        step = _solve(self.information.sum(axis=0) + self.prior, self.score.sum(axis=0))
+        step = solved(self.information.sum(axis=0) + self.prior, self.score.sum(axis=0))
         return ViewInformation(self.score - self.information @ step, self.information, self.prior)
 
     def deviations(self, directions: Array | None = None) -> Real[Array, " q"]:
         """(q,) standard deviations of the camera along `directions` (P, q; default: its parameters), by a linearised
         jackknife over views."""
         H, g = self.information.sum(axis=0) + self.prior, self.score.sum(axis=0)
-        moved = _solve(H - self.information, g - self.score) - _solve(H, g)
+        moved = solved(H - self.information, g - self.score) - solved(H, g)
         if directions is not None:
             moved = moved @ directions
         n = len(self)
@@ -180,7 +180,7 @@ def _joint(info: ViewInformation, directions: Array, inside: Array, without: int
     H[:, :many, many:], H[:, many:, :many] = part, part.transpose(0, 2, 1)
     H[:, many:, many:] = directions.T @ part
     right = np.concatenate([np.broadcast_to(keep @ g, (count, many)), mine @ g @ directions], axis=1)
-    return _solve(H, right)[:, many:]
+    return solved(H, right)[:, many:]
 
 
 def gains(info: ViewInformation, splits: Bool[Array, "n v"]) -> Real[Array, " n"]:
@@ -193,10 +193,10 @@ def gains(info: ViewInformation, splits: Bool[Array, "n v"]) -> Real[Array, " n"
     H = info.information.sum(axis=0) + info.prior
     part = np.tensordot(inside, info.information, 1)
     score = inside @ info.score
-    return np.einsum("np,np->n", score, _solve(part - part @ _solve_all(H, part), score))
+    return np.einsum("np,np->n", score, solved(part - part @ _solve_all(H, part), score))
 
 
-def _solve(H: Real[Array, "... n n"], right: Real[Array, "... n"]) -> Real[Array, "... n"]:
+def solved(H: Real[Array, "... n n"], right: Real[Array, "... n"]) -> Real[Array, "... n"]:
     """Solutions (..., n) of symmetric `H` (..., n, n) for `right` (..., n); scaled, with a small ridge."""
     return _solve_all(H, right[..., None])[..., 0]
 

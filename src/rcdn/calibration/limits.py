@@ -71,8 +71,8 @@ def growth(image_size: tuple[int, int]) -> float:
 LIMITS = {
     "one_camera": Limit(
         "Difference of the cameras of groups of pictures (RMS after the best rotation)", "px", 0.0, 0.0, NEVER,
-        "Groups by name, order or focal length that differ by more than views of one camera do; "
-        "one set of numbers can't be right for both.",
+        "Groups by name, order or focal length that differ by more than views of one camera do, or pictures turned by "
+        "180°; one set of numbers can't be right for both.",
     ),
     "spacing": Limit(
         "Side of a square", "m", 0.5, 0.5, NEVER,

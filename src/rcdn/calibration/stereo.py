@@ -82,6 +82,8 @@ def stereo_solution(
 ) -> StereoSolution:
     """`calibrate_stereo` with the covariance of all parameters together."""
     pairs = _pairs(left, right, pairs)
+    if pairs and all(np.array_equal(left[a].xy, right[b].xy) for a, b in pairs):
+        raise ConfigError("left and right are the same boards, corner by corner; give the other camera's pictures")
     named = names or (None, None)
     geometries = _common(left, right, spacing, size)
     first = _alone(0, left, geometries or spacing, named[0], model, size)

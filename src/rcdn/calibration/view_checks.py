@@ -8,6 +8,7 @@ from collections import Counter
 import numpy as np
 
 from rcdn.calibration import one_camera as several
+from rcdn.calibration import turned
 from rcdn.calibration.facts import Facts
 from rcdn.calibration.limits import LIMITS, reason
 from rcdn.calibration.observability import unsettled
@@ -22,9 +23,11 @@ THIRDS = (
 
 
 def one_camera(c: Calibration, facts: Facts) -> list[Reason]:
-    """Groups of pictures from different cameras, zooms or focus settings; no reason if the views are too few for the
-    test."""
+    """Pictures that are turned, or groups from different cameras, zooms or focus settings; no reason if the views are
+    too few for the test."""
     found = several.one_camera(c)
+    if (found is None or found.by != "names") and (back := turned.turned_pictures(c)) is not None:
+        return [reason("one_camera", back.difference, "", back.finding, turned.REMEDY)]
     if found is not None:
         return [reason("one_camera", found.difference, "", found.finding, several.REMEDY)]
     if len(c.used_views) < several.ENOUGH:

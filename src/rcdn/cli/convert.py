@@ -172,8 +172,9 @@ def _is_json(path: Path) -> bool:
 
 
 def _convert_cameras(inputs: Sequence[Path], out: Path, to: str | None, name: str | None, lossy: bool) -> None:
-    from rcdn.batch.camera_files import check_format, write_calibrated, write_one
+    from rcdn.batch.camera_files import check_exact, check_format, holds_maps, write_calibrated, write_one
     from rcdn.batch.rig_files import convert_rig, holds_rig
+    from rcdn.calibration.plain_lens import plain_fit
     from rcdn.io import read_calibrations, read_camera, read_cameras
 
     format: CameraFormat | None = to  # type: ignore[assignment]
@@ -189,11 +190,14 @@ def _convert_cameras(inputs: Sequence[Path], out: Path, to: str | None, name: st
             raise ConfigError("--camera-name is for one file with several cameras; leave it out, or give one file")
         _convert_pair(inputs, out, format, lossy)
     else:
-        camera = read_camera(inputs[0], name=name)
-        _check_loss(out, {"": camera}, format, lossy)
-        if name is None and calibrations:
-            write_calibrated(out, calibrations["camera"], format)
+        known = calibrations.get("camera") if name is None else None
+        if known is not None:
+            if not lossy and not holds_maps(out, format):
+                check_exact(out, "the camera's lens", plain_fit(str(out), known, format))
+            write_calibrated(out, known, format)
         else:
+            camera = read_camera(inputs[0], name=name)
+            _check_loss(out, {"": camera}, format, lossy)
             write_one(out, camera, format)
     if calibrations:
         console.note(f"{out}: holds the camera; views, deviations and the verdict are in {inputs[0]} only")

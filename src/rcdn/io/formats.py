@@ -87,6 +87,10 @@ def read_detections(path: str | Path) -> tuple[list[ImageResult], list[tuple[str
         raise FormatError(
             f"{path}: version must be {VERSION}, not {shown(version)}; write it again with `rcdn detect --json`"
         )
+    if "kind" in data and "images" not in data:
+        raise FormatError(
+            f"{path}: no detections but of the kind {shown(data['kind'])}; give pictures, or a file of `rcdn detect`"
+        )
     records = take(data, "images", list, str(path))
     failed = take(data, "errors", list, str(path))
     images = [_image(record, f"{path}: images[{k}]") for k, record in enumerate(records)]

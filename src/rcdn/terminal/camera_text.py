@@ -17,6 +17,9 @@ from rcdn.types.shown import decimals
 if TYPE_CHECKING:
     from rcdn.types import Array, Calibration, ModelScore, PoseEstimate, StereoCalibration, Verdict
 
+BESIDE = 45.0
+"""degrees between two cameras, up to which one is to the left or right of the other"""
+
 
 def verdict_line(verdict: Verdict, several: bool = False) -> list[str]:
     """The line of the verdict on a camera, or on `several`, which is printed first; empty if there is none."""
@@ -128,6 +131,18 @@ def stereo_lines(stereo: StereoCalibration) -> list[str]:
         f"baseline {stereo.baseline:.5f} m, cameras turned by {turn:.3f}°; T_right_left: t = ({place}) m",
         f"RMS {stereo.rms:.3f} px, {rows}",
     ]
+
+
+def swapped_hint(stereo: StereoCalibration) -> str:
+    """A note if the right camera stands to the left of the left one, beside it and upright; "" otherwise."""
+    T = np.linalg.inv(stereo.T_right_left)
+    x, y, z = T[:3, 3]
+    if x >= 0 or abs(x) < 2 * np.hypot(y, z) or rotation_angle(T[:3, :3]) > BESIDE:
+        return ""
+    return (
+        f"note: the right camera stands {-x:.3g} m to the left of the left one, so that disparities are negative; if "
+        "that isn't meant, give the inputs the other way round"
+    )
 
 
 def pose_line(name: str, pose: PoseEstimate) -> str:

@@ -1,0 +1,73 @@
+"""Pictures that were turned by 180° among others are named; pictures of one camera as they are are not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rcdn.calibration import calibrate
+from rcdn.calibration.turned import turned_pictures
+from rcdn.types import Camera
+from rcdn_lab.camera_scenes import CAMERAS, SPACING, random_boards
+
+NOISE = 0.1
+FISHEYE = Camera(
+    np.array([[330.0, 0, 331], [0, 330, 228], [0, 0, 1]]), [0.02, -0.005, 0.001, -0.0002], (640, 480), "fisheye"
+)
+
+
+def off_centre(model):
+    """A camera of the scenes, its principal point off the middle of the picture."""
+    camera = CAMERAS[model]
+    middle = (np.array(camera.image_size) - 1) / 2
+    there = middle + np.array([14, -9])
+    return camera.with_parameters(np.concatenate([camera.parameters[:2], there, camera.parameters[4:]]))
+
+
+def taken(camera, seed, turned=(), count=14):
+    """A calibration from whole boards, some of their pictures turned, and the names of these."""
+    boards = random_boards(camera, seed, count, noise=NOISE, whole=True)[0]
+    boards = [replace(b, xy=np.array(b.image_size) - 1.0 - b.xy) if k in turned else b for k, b in enumerate(boards)]
+    names = [f"{k:02}.png" for k in range(len(boards))]
+    model = "fisheye" if camera.model == "fisheye" else "auto"
+    return calibrate(boards, SPACING, names=names, model=model), {names[k] for k in turned}
+
+
+@pytest.mark.parametrize(
+    ("model", "turned"),
+    [("pinhole", (2, 9)), ("pinhole", (1, 4, 7, 10, 13)), ("brown", (3,)), ("brown", (2, 9)), ("brown", (1, 4, 7, 10))],
+)
+def test_turned_pictures_are_named(model, turned):
+    done, names = taken(off_centre(model), 1, turned)
+    found = turned_pictures(done)
+    assert set(found.names) == names
+    assert found.rms < found.before
+    (told, *_) = done.verdict.against
+    assert "turned by 180°" in told.sentence
+    assert all(name in told.sentence for name in names)
+
+
+def test_turned_pictures_of_a_fisheye_are_named():
+    done, names = taken(FISHEYE, 2, (0, 5, 6))
+    assert set(turned_pictures(done).names) == names
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_pictures_as_they_are_are_not_named(seed):
+    """Neither where the principal point is in the middle, so that turned ones hardly differ."""
+    assert turned_pictures(taken(off_centre("brown"), seed)[0]) is None
+    camera = CAMERAS["pinhole"]
+    middle = (np.array(camera.image_size) - 1) / 2
+    central = camera.with_parameters(np.concatenate([camera.parameters[:2], middle]))
+    assert turned_pictures(taken(central, seed)[0]) is None
+
+
+def test_a_turned_picture_that_is_left_out_spoils_nothing():
+    done, names = taken(off_centre("pinhole"), 1, (3,))
+    assert {v.name for v in done.left_out} == names
+    assert turned_pictures(done) is None
+
+
+def test_all_pictures_turned_are_one_camera():
+    done, _ = taken(off_centre("brown"), 4, range(14))
+    assert turned_pictures(done) is None
