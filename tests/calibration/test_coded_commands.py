@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -70,8 +71,8 @@ def test_poses_are_in_the_targets_coordinates(run, mixed):
     assert written["spacing"] == {"charuco": 0.03, "aprilgrid": 0.04}
     assert [p["target"]["kind"] for p in written["poses"]] == ["charuco"] * 7 + ["aprilgrid"] * 5
     for record, line in zip(written["poses"], done.output.splitlines(), strict=True):
-        x, y, z = np.array(record["T_cam_target"])[:3, 3]
-        assert f"x {x:.4f}  y {y:.4f}  z {z:.4f}" in line
+        told = re.search(r"x (\S+)  y (\S+)  z (\S+)  \(± \S+ \S+ \S+\)", line).groups()
+        assert [float(v) for v in told] == pytest.approx(np.array(record["T_cam_target"])[:3, 3], abs=1e-5)
 
 
 @pytest.mark.parametrize(
