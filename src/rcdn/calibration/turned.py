@@ -73,10 +73,10 @@ REMEDY = "Turn them back, as the sensor had them, or leave them out (--leave-out
 def turned_pictures(calibration: Calibration) -> TurnedPictures | None:
     """The pictures that are turned by 180° against most others; None if there are none, the views don't tell, or the
     calibration left them out."""
-    left_out = [replace(v, used=np.ones(len(v), bool), reason="") for v in calibration.left_out]
-    views = [v for v in (*calibration.used_views, *left_out) if v.pose is not None]
-    if len(calibration.used_views) < ENOUGH:
+    used, out = calibration.used_views, [v for v in calibration.left_out if v.pose is not None]
+    if len(used) < ENOUGH or any(v.pose is None for v in used):
         return None
+    views = [*used, *(replace(v, used=np.ones(len(v), bool), reason="") for v in out)]
     plain = _without_correction(calibration)
     turned = _search(replace(plain, shape=None), views)  # the shape is a compromise, too, if some pictures are turned
     if turned is None:
@@ -89,7 +89,7 @@ def turned_pictures(calibration: Calibration) -> TurnedPictures | None:
         return None
     if (np.abs(_odd(after.camera)[2:4]) < SURE * after.std[2:4]).all():
         return None
-    if not turned[: len(calibration.used_views)].any():
+    if not turned[: len(used)].any():
         return None
     names = tuple(dict.fromkeys(v.name for v, t in zip(views, turned, strict=True) if t))
     return TurnedPictures(names, after.rms, before.rms, apart_by(calibration.camera, after.camera))
