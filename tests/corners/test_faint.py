@@ -32,13 +32,13 @@ def whole(image):
     return max(gaps)
 
 
-@pytest.mark.parametrize("levels", [4, 8, 14])
+@pytest.mark.parametrize("levels", [2.0, 2.5, 3, 8, 14])
 def test_a_board_of_few_grey_levels_is_found(picture, levels):
-    noise = np.random.default_rng(levels).normal(0, 0.3, picture.shape)
+    noise = np.random.default_rng(int(levels)).normal(0, 0.3, picture.shape)
     assert whole(np.rint(100 + picture * levels / 255 + noise).astype(np.uint8)) < 0.6
 
 
-@pytest.mark.parametrize("share", [0.03, 0.01])
+@pytest.mark.parametrize("share", [0.03, 0.01, 0.005])
 def test_a_lamp_in_16_bits_hides_no_board(picture, share):
     """The percentile to which 16 bits are stretched lies on the lamp."""
     deep = np.rint(picture / 255 * share * 65535).astype(np.uint16)

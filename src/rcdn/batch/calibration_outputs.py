@@ -44,8 +44,6 @@ CameraFiles = Annotated[
         "(COLMAP), .json, and .yaml or camera_info.yaml, a file a camera.",
     ),
 ]
-
-
 CameraFileFormat = Annotated[
     str | None,
     typer.Option(

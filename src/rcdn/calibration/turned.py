@@ -87,7 +87,7 @@ def turned_pictures(calibration: Calibration) -> TurnedPictures | None:
         return None
     if after.rms > (BETTER if after.views == before.views else AS_GOOD) * before.rms:
         return None
-    if (np.abs(_odd(after.camera)[2:4]) < SURE * after.std[2:4]).all():
+    if (np.abs(_negated(after.camera)[2:4]) < SURE * after.std[2:4]).all():
         return None
     if not turned[: len(used)].any():
         return None
@@ -107,24 +107,24 @@ def _without_correction(calibration: Calibration) -> Calibration:
 def _search(calibration: Calibration, views: Sequence[BoardView]) -> Bool[Array, " v"] | None:
     """(V,) bool: the views that are turned, at most half; None if none are, or if one of them isn't sure."""
     size = calibration.camera.image_size
-    info, odd = _information(calibration, views)
-    turned = _most_likely(info, odd)
-    if _gain(info, odd, turned) < GAIN[0] * len(views) + GAIN[1]:
+    info, negated = _information(calibration, views)
+    turned = _most_likely(info, negated)
+    if _gain(info, negated, turned) < GAIN[0] * len(views) + GAIN[1]:
         return None
     for _ in range(SOLVED):
-        info, odd = _information(calibration, _arranged(views, turned, size))
-        if not (again := _most_likely(info, odd)).any():
+        info, negated = _information(calibration, _arranged(views, turned, size))
+        if not (again := _most_likely(info, negated)).any():
             break
         turned ^= again
     if 2 * turned.sum() > len(turned):
         turned = ~turned
     none = np.zeros(len(turned), bool)
-    step = _step(info, odd, none)
-    margin = (_gains(info, odd, step, none) - _gains(info, odd, step, ~none)) / _scatter(info)
+    step = _step(info, negated, none)
+    margin = (_gains(info, negated, step, none) - _gains(info, negated, step, ~none)) / _scatter(info)
     return turned if turned.any() and (margin[turned] >= MARGIN).all() else None
 
 
-def _odd(camera: Camera) -> Real[Array, " p"]:
+def _negated(camera: Camera) -> Real[Array, " p"]:
     """(P,) the parameters that a turn by 180° changes to their negatives: the principal point from the picture's
     middle, and tangential distortion; NaN for all others."""
     out = np.full(len(camera.parameters), np.nan)
@@ -141,12 +141,12 @@ def _arranged(views: Sequence[BoardView], turned: Bool[Array, " v"], image_size:
 
 
 def _information(calibration: Calibration, views: Sequence[BoardView]) -> tuple[ViewInformation, Real[Array, " p"]]:
-    """The contribution of each of the `views`, and the `_odd` parameters, at the camera that they give."""
+    """The contribution of each of the `views`, and the `_negated` parameters, at the camera that they give."""
     corners, sigma = corners_of(calibration, views, [v.used for v in views])
     state = state_of(calibration, views)
     state, noise = robust.initial_fit(state, corners, sigma, default_free(state))
     info = of_state(state, corners, 1 / np.sqrt(np.maximum(noise**2 + sigma**2, LEAST_SCATTER**2)))
-    return info.at_optimum(), _odd(state.cameras[0])
+    return info.at_optimum(), _negated(state.cameras[0])
 
 
 def _turned(view: BoardView, image_size: tuple[int, int]) -> BoardView:
@@ -158,27 +158,27 @@ def _turned(view: BoardView, image_size: tuple[int, int]) -> BoardView:
     return replace(view, xy=np.array(image_size) - 1.0 - view.xy, pose=pose, residuals=-view.residuals)
 
 
-def _most_likely(info: ViewInformation, odd: Real[Array, " p"]) -> Bool[Array, " v"]:
+def _most_likely(info: ViewInformation, negated: Real[Array, " p"]) -> Bool[Array, " v"]:
     """(V,) bool: which views are turned, by the most likely camera and the most likely choice for each view, linearised
-    at the solution; not more than half. `odd` (P,): the solution's `_odd` parameters."""
+    at the solution; not more than half. `negated` (P,): the solution's `_negated` parameters."""
     best, most = np.zeros(len(info), bool), 0.0
     for angle in np.arange(STARTS) * np.pi / STARTS:
         turned = info.score[:, 2:4] @ (np.cos(angle), np.sin(angle)) < 0
         for _ in range(ROUNDS):
-            again = _choose(info, odd, _step(info, odd, turned))
+            again = _choose(info, negated, _step(info, negated, turned))
             if (again == turned).all():
                 break
             turned = again
-        if (gain := _gains(info, odd, _step(info, odd, turned), turned).sum()) > most:
+        if (gain := _gains(info, negated, _step(info, negated, turned), turned).sum()) > most:
             best, most = turned, gain
     return ~best if 2 * best.sum() > len(best) else best
 
 
-def _gain(info: ViewInformation, odd: Array, turned: Bool[Array, " v"]) -> float:
+def _gain(info: ViewInformation, negated: Array, turned: Bool[Array, " v"]) -> float:
     """The gain of the likelihood over no turned picture, in units of the views' scatter: their errors are larger than
     those of corners, and correlated."""
     none = np.zeros(len(turned), bool)
-    some, without = (_gains(info, odd, _step(info, odd, t), t).sum() for t in (turned, none))
+    some, without = (_gains(info, negated, _step(info, negated, t), t).sum() for t in (turned, none))
     return float((some - without) / _scatter(info))
 
 
@@ -188,26 +188,26 @@ def _scatter(info: ViewInformation) -> float:
     return max(float(squares.mean()) / info.score.shape[1], 1e-12)
 
 
-def _signs(odd: Array, turned: Bool[Array, " v"]) -> Real[Array, "v p"]:
-    """(V, P) −1 for the odd parameters of turned views, else 1."""
-    return np.where(turned[:, None] & np.isfinite(odd), -1.0, 1.0)
+def _signs(negated: Array, turned: Bool[Array, " v"]) -> Real[Array, "v p"]:
+    """(V, P) −1 for the `_negated` parameters of turned views, else 1."""
+    return np.where(turned[:, None] & np.isfinite(negated), -1.0, 1.0)
 
 
-def _gains(info: ViewInformation, odd: Array, step: Array, turned: Bool[Array, " v"]) -> Real[Array, " v"]:
+def _gains(info: ViewInformation, negated: Array, step: Array, turned: Bool[Array, " v"]) -> Real[Array, " v"]:
     """(V,) twice the logarithm of the likelihood of each view, less that at the solution, if the parameters change by
-    `step` (P,), odd ones to it: to its negative in turned views."""
-    x = _signs(odd, turned) * step - np.nan_to_num(odd)
+    `step` (P,), negated ones to it: to its negative in turned views."""
+    x = _signs(negated, turned) * step - np.nan_to_num(negated)
     return np.asarray(2 * np.einsum("vp,vp->v", info.score, x) - np.einsum("vp,vpq,vq->v", x, info.information, x))
 
 
-def _choose(info: ViewInformation, odd: Array, step: Array) -> Bool[Array, " v"]:
+def _choose(info: ViewInformation, negated: Array, step: Array) -> Bool[Array, " v"]:
     """(V,) bool: which views are more likely turned."""
     every = np.ones(len(info), bool)
-    return _gains(info, odd, step, every) > _gains(info, odd, step, ~every)
+    return _gains(info, negated, step, every) > _gains(info, negated, step, ~every)
 
 
-def _step(info: ViewInformation, odd: Array, turned: Bool[Array, " v"]) -> Real[Array, " p"]:
+def _step(info: ViewInformation, negated: Array, turned: Bool[Array, " v"]) -> Real[Array, " p"]:
     """(P,) the most likely `step` of `_gains` for this choice."""
-    sign = _signs(odd, turned)
+    sign = _signs(negated, turned)
     H = np.einsum("vp,vpq,vq->pq", sign, info.information, sign) + info.prior
-    return solved(H, (sign * (info.score + info.information @ np.nan_to_num(odd))).sum(axis=0))
+    return solved(H, (sign * (info.score + info.information @ np.nan_to_num(negated))).sum(axis=0))

@@ -14,7 +14,7 @@ from rcdn.batch.paths import check_file
 from rcdn.errors import ConfigError, FormatError
 from rcdn.terminal import console
 from rcdn.terminal.console import Quiet
-from rcdn.terminal.options import GridSize, camera_formats, parse_size
+from rcdn.terminal.options import GridSize, camera_formats, one_of, parse_size
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -29,9 +29,7 @@ def _formats() -> list[str]:
 
 
 def _format(text: str) -> str:
-    if text not in (known := _formats()):
-        raise typer.BadParameter(f"{text!r} is none of {', '.join(known)}")
-    return text
+    return one_of(text, _formats())
 
 
 def _picture_size(text: str) -> GridSize:

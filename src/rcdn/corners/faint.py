@@ -5,21 +5,23 @@ from __future__ import annotations
 
 import numpy as np
 
+from rcdn.corners.normalise import levels
 from rcdn.types import Array
 from rcdn.types.arrays import Shaped
 
 FAINT = 24.0
-"""grey levels between the two percentiles, up to which a picture is faint"""
-PERCENTILES = 1.0, 99.0
+"""grey levels between the two limits, up to which a picture is faint"""
+BEYOND = 0.01
+"""share of the pixels below the lower limit, and above the upper one"""
 LOW, HIGH = 28.0, 228.0
-"""grey levels of the percentiles once the picture is stretched; what lies beyond is clipped"""
+"""grey levels of the limits once the picture is stretched; what lies far beyond is clipped"""
 
 
 def stretched(grey: Shaped[Array, "h w"]) -> Shaped[Array, "h w"] | None:
     """The picture `grey` (H, W), 0..255, as uint8 with usual contrast, if it is faint; None if it isn't, or is
     constant."""
-    low, high = (float(v) for v in np.percentile(grey, PERCENTILES, method="inverted_cdf"))
+    low, high = levels(grey, BEYOND)
     if not 0 < high - low <= FAINT:
         return None
-    levels = (grey.astype(np.float64) - low) * ((HIGH - LOW) / (high - low)) + LOW
-    return np.asarray(np.rint(np.clip(levels, 0, 255)).astype(np.uint8))
+    usual = (grey.astype(np.float64) - low) * ((HIGH - LOW) / (high - low)) + LOW
+    return np.asarray(np.rint(np.clip(usual, 0, 255)).astype(np.uint8))

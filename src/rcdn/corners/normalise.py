@@ -52,7 +52,7 @@ def normaliser(grey: Shaped[Array, "h w"], kind: str) -> Normaliser:
     any other kind.
     """
     if kind == "minmax":
-        return Normaliser(kind, 0, *_levels(grey))
+        return Normaliser(kind, 0, *levels(grey, 0.001))
     if kind == "local":
         return Normaliser(kind, WINDOW // 2)
     raise ConfigError(f"normalisation must be 'minmax' or 'local', not {shown(kind)}")
@@ -63,12 +63,12 @@ def normalise(grey: Array, kind: str) -> Real[Array, "h w"]:
     return normaliser(grey, kind)(grey)
 
 
-def _levels(grey: Array) -> tuple[float, float]:
-    """The 0.1 and 99.9 percentiles."""
+def levels(grey: Array, beyond: float) -> tuple[float, float]:
+    """The grey levels below and above which there is a share `beyond` of the pixels each."""
     if grey.dtype == np.uint8:
         share = np.cumsum(cv2.calcHist([grey], [0], None, [256], [0, 256]).ravel()) / grey.size
-        return float(np.searchsorted(share, 0.001)), float(np.searchsorted(share, 0.999))
-    low, high = np.percentile(grey, [0.1, 99.9], method="inverted_cdf")
+        return float(np.searchsorted(share, beyond)), float(np.searchsorted(share, 1 - beyond))
+    low, high = np.percentile(grey, [100 * beyond, 100 * (1 - beyond)], method="inverted_cdf")
     return float(low), float(high)
 
 

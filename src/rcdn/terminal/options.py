@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, NamedTuple
@@ -53,7 +54,12 @@ def camera_formats() -> list[str]:
 
 def parse_camera_format(text: str) -> str:
     """One of the `camera_formats`. Raises typer.BadParameter."""
-    if text not in (known := camera_formats()):
+    return one_of(text, camera_formats())
+
+
+def one_of(text: str, known: Sequence[str]) -> str:
+    """`text`, if it is one of the words that are `known`. Raises typer.BadParameter."""
+    if text not in known:
         raise typer.BadParameter(f"{text!r} is none of {', '.join(known)}")
     return text
 
