@@ -39,8 +39,19 @@ def test_a_shift_that_a_rotation_makes_up_for_hardly_counts():
 )
 def test_pictures_needed(off, needed):
     """Between two counts the error is a straight line on a logarithmic scale; what rises again isn't reached."""
-    curve = Curve(np.array([4, 6, 8, 10]), np.array(off), np.array(off))
-    assert curve.needed == pytest.approx(needed, abs=1e-9)
+    curve = Curve(np.array([4, 6, 8, 10]), np.array([off]), np.array([off]))
+    assert curve.needed(0.1) == pytest.approx(needed, abs=1e-9)
+
+
+def test_deviations_that_are_true_are_called_so():
+    """Errors drawn with the stated deviations, one run without a camera; and errors three times as large."""
+    rng = np.random.default_rng(5)
+    stated = rng.uniform(0.1, 1, (400, 4))
+    off = stated * np.abs(rng.normal(size=stated.shape))
+    off[0] = stated[0] = np.nan
+    counts = np.array([4, 6, 8, 10])
+    assert Curve(counts, off, stated).stated_by_true == pytest.approx(1, abs=0.05)
+    assert Curve(counts, 3 * off, stated).stated_by_true == pytest.approx(1 / 3, abs=0.02)
 
 
 def test_poses_at_random_fill_the_frame():

@@ -1,22 +1,22 @@
-"""Cameras from few pictures, selected ones and random ones, compared with the camera from all."""
+"""Cameras from few pictures, selected, random and evenly spaced ones, compared with the camera from all."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from rcdn.calibration import calibrate
 from rcdn.calibration.difference import camera_difference
-from rcdn.calibration.selection import most_informative
+from rcdn.calibration.selection import selected
 from rcdn.errors import RcdnError
-from rcdn.types import Array, Board, Calibration
-from rcdn_lab.calibration.sets import CameraSet
+from rcdn.types import Board, Calibration
 
 COUNTS = (8, 10, 12)
 """numbers of selected pictures"""
-FEWEST = 20
+FEWEST = {"photographs": 20, "video": 16}
 """least number of pictures of a set"""
 DRAWS = 9
 """random selections"""
@@ -24,31 +24,49 @@ SPACING = 0.03
 """m: the camera does not depend on the size of the squares"""
 
 
-def boards_of(one: CameraSet, boards: Sequence[Board]) -> list[Board]:
-    """Boards that show the set's board whole, or at least from end to end."""
-    return [b for b in boards if sorted(b.size) == sorted(one.size)]
+@dataclass(frozen=True, eq=False)
+class Pictures:
+    """`boards` of pictures of one camera, one per picture, in their order; the lens `model` to solve for; the `size`
+    (columns, rows) of the board, None if its codes give the places of its corners."""
+
+    name: str
+    model: str
+    size: tuple[int, int] | None
+    boards: tuple[Board, ...]
+
+    def calibrated(self, some: Iterable[int]) -> Calibration:
+        """From the boards of indices `some`."""
+        chosen = list(some)
+        return calibrate(
+            [self.boards[k] for k in chosen],
+            SPACING,
+            names=[str(k) for k in chosen],
+            model=self.model,
+            size=self.size,
+        )
 
 
-def row_of(one: CameraSet, boards: Sequence[Board], seed: int = 0) -> dict[str, Any]:
-    """The figures of one set of at least FEWEST `boards`, one per picture: root mean square difference over the frame
-    from the camera of all, px, of the camera from the selected ones, the median of those from random ones, and their
-    ratio, by the number of pictures."""
-    names = [str(k) for k in range(len(boards))]
-    whole = calibrate(boards, SPACING, names=names, model=one.model, size=one.size)
-    row: dict[str, Any] = {"set": one.name, "pictures": len(boards), "model": one.model, "rms": whole.rms}
+def row_of(pictures: Pictures, seed: int = 0) -> dict[str, Any]:
+    """The figures of one set: root mean square difference over the frame from the camera of all, px, of the cameras
+    from selected pictures, from evenly spaced ones, and the median of those from random ones, by the number of
+    pictures; and the ratio of the first to each of the others."""
+    count = len(pictures.boards)
+    whole = pictures.calibrated(range(count))
+    row: dict[str, Any] = {"set": pictures.name, "pictures": count, "model": pictures.model, "rms": whole.rms}
+
+    def off(some: Iterable[int]) -> float:
+        try:
+            return camera_difference(whole.camera, pictures.calibrated(some).camera).rms
+        except RcdnError:  # they do not determine a camera
+            return float("inf")
+
     for many in COUNTS:
         rng = np.random.default_rng([seed, many])
-        draws = [np.sort(rng.choice(len(boards), many, replace=False)) for _ in range(DRAWS)]
-        median = float(np.median([_off(whole, one, boards, d) for d in draws]))
-        mine = _off(whole, one, boards, np.array([int(n) for n in most_informative(whole, many)]))
-        row |= {f"selected_{many}": mine, f"random_{many}": median, f"ratio_{many}": mine / median}
+        draws = [np.sort(rng.choice(count, many, replace=False)) for _ in range(DRAWS)]
+        median = float(np.median([off(d) for d in draws]))
+        even = off(np.linspace(0, count - 1, many).round().astype(int))
+        _, found = selected(whole, many, lambda names: pictures.calibrated(int(name) for name in names))
+        mine = camera_difference(whole.camera, found.camera).rms
+        row |= {f"selected_{many}": mine, f"random_{many}": median, f"even_{many}": even}
+        row |= {f"of_random_{many}": mine / median, f"of_even_{many}": mine / even}
     return row
-
-
-def _off(whole: Calibration, one: CameraSet, boards: Sequence[Board], some: Array) -> float:
-    """Infinite if the boards do not determine a camera."""
-    try:
-        found = calibrate([boards[k] for k in some], SPACING, model=one.model, size=one.size)
-        return camera_difference(whole.camera, found.camera).rms
-    except RcdnError:
-        return float("inf")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import accumulate
@@ -144,21 +144,28 @@ def one_camera(run: Run, inputs: Sequence[str], problem: Problem, outputs: Outpu
 
 
 def _solved(run: Run, problem: Problem, boards: Sequence[Board], names: Sequence[str]) -> Calibration:
-    """The calibration; if `problem.select` is given, only from the most informative pictures."""
+    """The calibration; if `problem.select` is given, only from so many pictures, and by the lens model of all."""
     from rcdn.calibration import calibrate
-    from rcdn.calibration.selection import most_informative
+    from rcdn.calibration.selection import selected
 
-    solve = partial(calibrate, model=problem.model, size=run.size, flat=problem.flat, fix=problem.fix)
+    solve = partial(calibrate, size=run.size, flat=problem.flat, fix=problem.fix)
     spacing = metres(problem.spacing)
-    done = solve(boards, spacing, names=names, leave_out=problem.leave_out)
+    done = solve(boards, spacing, names=names, model=problem.model, leave_out=problem.leave_out)
     if problem.select is None:
         return done
-    some = set(most_informative(done, problem.select))
-    kept = [k for k, name in enumerate(names) if name in some]
+    lens = problem.model
+    if lens == "auto":
+        lens = done.models[0].model if done.camera.correction is None else "splined"
+
+    def of_some(some: Collection[str]) -> Calibration:
+        kept = [k for k, name in enumerate(names) if name in some]
+        return solve([boards[k] for k in kept], spacing, names=[names[k] for k in kept], model=lens)
+
+    some, best = selected(done, problem.select, of_some)
     console.note(
-        f"{len(some)} of {len(set(names))} pictures with a board are used, those that tell most about the camera"
+        f"{len(some)} of {len(set(names))} pictures with a board are used, those whose camera is nearest to that of all"
     )
-    return solve([boards[k] for k in kept], spacing, names=[names[k] for k in kept])
+    return best
 
 
 def two_cameras(

@@ -76,6 +76,6 @@ Select = Annotated[
         "--select",
         min=3,
         metavar="N",
-        help="Calibrate from the N pictures, or frames of videos, that together tell most about the camera.",
+        help="Calibrate from N of the pictures, or frames of videos: those whose camera is nearest to that of all.",
     ),
 ]

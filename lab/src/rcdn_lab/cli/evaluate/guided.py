@@ -14,7 +14,7 @@ def guided(
     most: Annotated[int, typer.Option(min=10, help="Pictures that each takes.")] = 50,
     json: Json = None,
 ) -> None:
-    """Simulated people: after how many pictures a camera is right to 0.1 px in the corners of the frame.
+    """Simulated people: after how many pictures a camera is right to 0.1 and 0.3 px in the corners of the frame.
 
     `guided` follow the guide of `rcdn live`, roughly; `random` hold the board as people do, 0.3 to 0.8 m away;
     `coverage`, of such poses, take those that cover the sensor; `expert` go anywhere up to the rim, as near as the
