@@ -26,7 +26,7 @@ PRIOR = 1e-4
 """× the information of all views: added as prior information, so that the variance is finite with few views, too"""
 ROUNDS = 20
 """most rounds of exchanges"""
-TRIED = 8
+TRIED = 16
 """number of subsets that are calibrated"""
 SHAPE = 2.0
 """of the gamma distribution of mean 1 from which the weights of the pictures' information are drawn"""
