@@ -173,8 +173,13 @@ def test_the_terminal_says_once_what_several_cameras_have_in_common():
     whole = Reason("components", "bad", "", 2.0, 1.0, "", "Boards connect only a – b.", "")
     assert _against([whole, *reasons], ("a", "b", "c")) == [
         "- Boards connect only a – b.",
-        "- a, b: Flat. c: Flatter. Tilt it.",
+        "- a, b: Flat. Similarly c. Tilt it.",
         "- b: Few. Take more.",
+    ]
+    many = [of("a", f"Fault {k}.", f"Mend {k}.") for k in range(8)]
+    assert _against(many, ("a", "b"))[5:] == [
+        "- a: Fault 5. Mend 5.",
+        "- 2 other recommendations: see the report (--report)",
     ]
 
 

@@ -81,16 +81,16 @@ class Run:
             console.note(note)
         if not any(image.boards for image in got.images):
             raise CalibrationError(_no_board(got.images))
-        if without := [image.path for image in got.images if not image.boards]:
-            names = ", ".join(without[:3]) + (", …" if len(without) > 3 else "")
-            console.note(f"no board was found in {len(without)} of {many(len(got.images), 'picture')}: {names}")
         note_target(config.target, got)
         return got
 
     def check(self, got: Gathered, spacing: Length | Lengths) -> None:
-        """Raise ConfigError if the detected boards contradict --board or --spacing."""
+        """Name the pictures without a board, and raise ConfigError if the boards contradict --board or --spacing."""
         from rcdn.batch.summary import size_hint
 
+        if without := [image.path for image in got.images if not image.boards]:
+            names = ", ".join(without[:3]) + (", …" if len(without) > 3 else "")
+            console.note(f"no board was found in {len(without)} of {many(len(got.images), 'picture')}: {names}")
         complete = [{b.size for b in image.boards if b.complete} for image in got.images]
         sizes, pictures = set().union(*complete), sum(map(bool, complete))
         if hint := size_hint(self.size, {(max(s), min(s)) for s in sizes}, pictures, len(got.images)):

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
     from rcdn.batch.inputs import Gathered, Numbers
     from rcdn.types import Array, Camera, FixedBoard, Reason, RigCalibration, Verdict
 
+LISTED = 6
+"""recommendations in the summary of a rig"""
+
 
 def many_cameras(run: Run, inputs: Sequence[str], problem: Problem, outputs: Outputs) -> Verdict | None:
     """Calibrate the cameras of `inputs`, print a summary, and write the outputs."""
@@ -164,17 +167,29 @@ def _weakest(done: RigCalibration) -> list[str]:
 
 
 def _against(reasons: Sequence[Reason], names: Sequence[str]) -> list[str]:
-    """A line for each recommended action; a reason shared by several cameras is stated once."""
-    groups: dict[str, dict[str, list[str]]] = {}
+    """A line for each of the first LISTED recommended actions: of each check the sentence of the camera with the worst
+    result, and the names of the other cameras with a result against them."""
+    actions: dict[str, dict[str, list[tuple[str, str]]]] = {}
     for found in reasons:
-        name = next((n for n in names if found.sentence.startswith(f"{n}: ")), "")
-        sentence = found.sentence.removeprefix(f"{name}: ") if name else found.sentence
-        groups.setdefault(found.action, {}).setdefault(sentence, []).append(name)
-    lines = []
-    for action, sentences in groups.items():
-        causes = [f"{', '.join(who)}: {sentence}" if any(who) else sentence for sentence, who in sentences.items()]
-        lines.append(" ".join(["-", *causes, action]).rstrip())
-    return lines
+        camera, _, check = found.key.rpartition(".")
+        name = camera if camera in names else ""
+        sentence = found.sentence.removeprefix(f"{name}: ")
+        actions.setdefault(found.action, {}).setdefault(check, []).append((name, sentence))
+    lines = [
+        " ".join(["-", *(_worst(each) for each in checks.values()), action]).rstrip()
+        for action, checks in actions.items()
+    ]
+    more = len(lines) - LISTED
+    rest = [f"- {many(more, 'other recommendation')}: see the report (--report)"] if more > 0 else []
+    return lines[:LISTED] + rest
+
+
+def _worst(results: Sequence[tuple[str, str]]) -> str:
+    """The first sentence of one check, after the names of the cameras that it is about, and those of other cameras."""
+    first = results[0][1]
+    same, others = ([name for name, text in results if name and (text == first) == alike] for alike in (True, False))
+    sentence = f"{', '.join(same)}: {first}" if same else first
+    return f"{sentence} Similarly {', '.join(others)}." if others else sentence
 
 
 def _spread(done: RigCalibration, k: int) -> str:

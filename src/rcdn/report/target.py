@@ -181,7 +181,8 @@ def _too_large(printed: Printed, paper: str, most: float) -> str:
     unit = {"deltille": "triangles wide", "aprilgrid": f"by {high:g} sides of a tag"}.get(
         target.kind, f"by {high:g} squares"
     )
-    board = f"a {target.kind} of {target.columns}x{target.rows} {_counted(target)}"
+    article = "an" if target.kind == "aprilgrid" else "a"
+    board = f"{article} {target.kind} of {target.columns}x{target.rows} {_counted(target)}"
     if not isinstance(target, Charuco):
         board += f" is {wide:g} {unit}"
     most = math.floor(most * 10) / 10  # rounded down, so that the suggested spacing fits
