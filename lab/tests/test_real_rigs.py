@@ -50,6 +50,15 @@ def test_a_rig_that_is_too_large_has_lengths_that_are():
     assert figures["rays_px"] < 1e-3
 
 
+def test_a_length_that_is_wrong_everywhere_does_not_scatter():
+    """A rig 2 % too large: the same lengths are wrong by 2 % at all moments; noise makes them scatter."""
+    exact = run.figures(of_moments(truth(1.02), shots()))
+    assert max(exact["step_scatter"], exact["span_scatter"]) < 0.01
+    noisy = run.figures(of_moments(truth(), shots(0.1)))
+    for key in ("step", "span"):
+        assert noisy[f"{key}_scatter"] == pytest.approx(noisy[f"{key}_permille"], rel=0.2)
+
+
 def test_moments_are_dealt_out_once_each():
     some = shots()
     parts = run.folds(some, 3)

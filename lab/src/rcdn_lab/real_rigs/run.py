@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -35,10 +36,10 @@ class Chain:
     covariance: Array
 
 
-def ours(shots: Shots, spacing: float) -> Known:
-    """Our rig, told the spacing alone, and the board's shape that came with it."""
+def ours(shots: Shots, spacing: float, model: str = "auto") -> Known:
+    """Our rig, told the spacing and perhaps the lens model, and the board's shape that came with it."""
     views, moments = shots.arguments()
-    found = calibrate_rig(views, spacing, moments=moments)
+    found = calibrate_rig(views, spacing, moments=moments, model=model)
     whole = found.components == (tuple(shots.boards),)
     if not whole:
         raise CalibrationError(f"connects only {', '.join(found.rig.names)}")
@@ -56,7 +57,12 @@ def theirs_of_parts(shots: Shots, spacing: float) -> Known:
 
 
 PARTS = "opencv, parts too"
-SOLVERS: dict[str, Callable[[Shots, float], Known]] = {"rcdn": ours, "opencv": theirs, PARTS: theirs_of_parts}
+SOLVERS: dict[str, Callable[[Shots, float], Known]] = {
+    "rcdn": ours,
+    "rcdn, brown": partial(ours, model="brown"),  # the lens model that OpenCV's solver has
+    "opencv": theirs,
+    PARTS: theirs_of_parts,
+}
 
 
 def folds(shots: Shots, count: int) -> list[list[str]]:
@@ -101,16 +107,30 @@ def _of_moments(
 
 def figures(found: Sequence[Scored]) -> dict[str, Any]:
     """Root mean squares of all moments: `step_permille` and `span_permille` of the spacing and of whole rows,
-    `rays_px` and `board_px`."""
+    `step_scatter` and `span_scatter` of the same length at different moments, ‰, `rays_px` and `board_px`."""
     parts = {k: np.concatenate([getattr(s, k) for s in found] or [np.full(1, np.nan)]) for k in ("steps", "spans")}
+    ends = {k: np.concatenate([getattr(s, k) for s in found] or [np.zeros((1, 4))]) for k in ("step_ends", "span_ends")}
     px = {k: np.concatenate([getattr(s, k) for s in found] or [np.full(1, np.nan)]) for k in ("rays", "board")}
     return {
         "moments": len(found),
         "step_permille": 1000 * _rms(parts["steps"]),
         "span_permille": 1000 * _rms(parts["spans"]),
+        "step_scatter": 1000 * _scatter(parts["steps"], ends["step_ends"]),
+        "span_scatter": 1000 * _scatter(parts["spans"], ends["span_ends"]),
         "rays_px": _rms(np.nan_to_num(px["rays"], nan=LOST)) if found else float("nan"),
         "board_px": _rms(np.nan_to_num(px["board"], nan=LOST)) if found else float("nan"),
     }
+
+
+def _scatter(values: Array, ends: Array) -> float:
+    """The pooled standard deviation of `values` (E,) about the mean of those with the same `ends` (E, 4): whatever the
+    board's true lengths are, they are the same at each moment."""
+    known = np.isfinite(values)
+    values, which = values[known], np.unique(ends[known], axis=0, return_inverse=True)[1].ravel()
+    count = np.bincount(which)
+    mean = np.bincount(which, values) / np.maximum(count, 1)
+    free = float(np.maximum(count - 1, 0).sum())
+    return float(np.sqrt(((values - mean[which]) ** 2).sum() / free)) if free else float("nan")
 
 
 def _rms(values: Array) -> float:

@@ -20,13 +20,16 @@ ROUNDS = 3
 
 @dataclass(frozen=True, eq=False)
 class Scored:
-    """Of the boards of one moment: `steps` (E,) lengths between neighbouring corners ÷ the spacing − 1; `spans` (S,)
-    the same of the first and last corner of each row and column; `rays` (N,) px from each corner to its triangulated
-    point as its camera sees that; `board` (N,) px from each corner to that of the flat board, or that of its shape, in
-    the pose that fits all cameras best. NaN: a camera has no ray."""
+    """Of the boards of one moment: `steps` (E,) lengths between neighbouring corners ÷ the spacing − 1, `spans` (S,)
+    the same of the first and last corner of each row and column, with the labels `step_ends` (E, 4) and `span_ends`
+    (S, 4) of both corners; `rays` (N,) px from each corner to its triangulated point as its camera sees that; `board`
+    (N,) px from each corner to that of the flat board, or that of its shape, in the pose that fits all cameras best.
+    NaN: a camera has no ray."""
 
     steps: Array
+    step_ends: Array
     spans: Array
+    span_ends: Array
     rays: Array
     board: Array
 
@@ -42,9 +45,10 @@ def scored(rig: Rig, boards: Mapping[str, Board], spacing: float, shape: BoardSh
     points = triangulated(rig, xy)
     rays = [np.linalg.norm(each - _seen(rig, n, points), axis=1) for n, each in xy.items()]
     there = [np.isfinite(each).all(axis=1) for each in xy.values()]
+    steps, spans = _steps(places), _spans(places)
     return Scored(
-        _steps(points, labels) / spacing - 1,
-        _spans(points, places, spacing),
+        *_lengths(points, places, steps, spacing),
+        *_lengths(points, places, spans, spacing),
         np.concatenate([r[t] for r, t in zip(rays, there, strict=True)]),
         _of_board(rig, xy, places, points, spacing, shape),
     )
@@ -88,24 +92,30 @@ def _seen(rig: Rig, name: str, points: Array) -> Array:
     return project(rig.cameras[rig.index(name)], points @ pose.R.T + pose.t)
 
 
-def _steps(points: Array, labels: list[tuple[int, ...]]) -> Array:
-    at = {x: k for k, x in enumerate(labels)}
+def _steps(places: Array) -> Array:
+    """(E, 2) indices of neighbouring corners."""
+    at = {tuple(x): k for k, x in enumerate(places.tolist())}
     ends = [(k, at[x]) for (i, j), k in at.items() for x in ((i + 1, j), (i, j + 1)) if x in at]
-    a, b = np.array(ends).reshape(-1, 2).T
-    return np.linalg.norm(points[a] - points[b], axis=1)
+    return np.array(ends, int).reshape(-1, 2)
 
 
-def _spans(points: Array, places: Array, spacing: float) -> Array:
-    """Of each row and each column: the length between its first and its last corner, ÷ what it should be, − 1."""
-    out = []
+def _spans(places: Array) -> Array:
+    """(S, 2) indices of the first and the last corner of each row and each column."""
+    ends = []
     for along in (0, 1):
         for line in np.unique(places[:, 1 - along]):
             mine = np.flatnonzero(places[:, 1 - along] == line)
             if len(mine) > 1:
-                a, b = mine[np.argmin(places[mine, along])], mine[np.argmax(places[mine, along])]
-                length = np.linalg.norm(points[a] - points[b])
-                out.append(length / (spacing * (places[b, along] - places[a, along])) - 1)
-    return np.array(out)
+                ends.append((mine[np.argmin(places[mine, along])], mine[np.argmax(places[mine, along])]))
+    return np.array(ends, int).reshape(-1, 2)
+
+
+def _lengths(points: Array, places: Array, ends: Array, spacing: float) -> tuple[Array, Array]:
+    """The lengths (E,) between corners with the indices `ends` (E, 2), ÷ what they should be, − 1, and the labels
+    (E, 4) of these corners."""
+    a, b = ends.T
+    nominal = spacing * np.abs(places[b] - places[a]).sum(axis=1)
+    return np.linalg.norm(points[a] - points[b], axis=1) / nominal - 1, np.column_stack([places[a], places[b]])
 
 
 def _of_board(

@@ -28,11 +28,13 @@ def real_rigs(
     calibrateMultiview from the same corners.
 
     Corners that two cameras or more saw are triangulated: step_permille is the RMS error of the lengths between
-    neighbours, ÷ the spacing, span_permille that of rows and columns from end to end; rays_px is from corners to their
-    triangulated points, board_px to the board in the pose that fits all cameras, RMS. OpenCV is given whole boards, and
-    once parts of coded ones, too. A part for which a solver gives no rig has failed. Rigs that other programs left are
-    scored on all moments. Then, of three cameras: how T_c_a by way of b differs from T_c_a, each pair calibrated apart,
-    in stated deviations.
+    neighbours, ÷ the spacing, span_permille that of rows and columns from end to end; step_scatter and span_scatter
+    are the standard deviations of the same length at different moments, ‰, which need no perfect board; rays_px is from
+    corners to their triangulated points, board_px to the board in the pose that fits all cameras, RMS. Our lenses are
+    of the models that are chosen, and once of OpenCV's (brown). OpenCV is given whole boards, and once parts of coded
+    ones, too. A part for which a solver gives no rig has failed. Rigs that other programs left are scored on all
+    moments. Then, of three cameras: how T_c_a by way of b differs from T_c_a, each pair calibrated apart, in stated
+    deviations.
     """
     from rcdn.io import read_rig
     from rcdn_lab.real_rigs import run as suite
