@@ -1,0 +1,55 @@
+"""Numbers of docs/calibration.md and docs/rigs.md are those of the files in benchmarks/results, digit for digit."""
+
+import pytest
+from tests.doc_blocks import ROOT
+from tests.test_numbers import cells, rows, states
+
+CALIBRATION, RIGS = (ROOT / "docs/calibration.md").read_text(), (ROOT / "docs/rigs.md").read_text()
+SELECTED = {
+    "bimalka-webcam": "bimalka",
+    "udacity-lane": "udacity-lane",
+    "udacity-wide-gopro": "udacity-wide",
+    "rochade-gopro-a": "gopro",
+    "boof-fisheye-theta": "theta",
+    "rig-caliscope, cam_0": "cam_0",
+    "rig-caliscope, cam_2": "cam_2",
+    "rig-caliscope, cam_3": "cam_3",
+}
+SOLVERS = {"rcdn": "rcdn", "rcdn, brown": "rcdn, brown", "OpenCV": "opencv"}
+RIG_SETS = {
+    "boof-trinocular": "trinocular",
+    "opencv-left-right": "opencv",
+    "sourishg-stereo1": "stereo1",
+    "rig-caliscope, four videos": "caliscope",
+}
+FIGURES = ("step_permille", "span_permille", "step_scatter", "span_scatter", "rays_px", "board_px")
+
+
+@pytest.mark.parametrize("title", SELECTED)
+def test_selected_pictures(title):
+    row = next(r for r in rows("selected") if r["set"] == SELECTED[title])
+    _, count, *ratios = cells(CALIBRATION.replace("\n  | ", "\n| "), title)
+    assert int(count) == row["pictures"]
+    for many, cell in zip((8, 10, 12), ratios, strict=True):
+        random, even = cell.split(", ")
+        assert states(random, row[f"of_random_{many}"])
+        assert states(even, row[f"of_even_{many}"])
+
+
+def test_every_row_of_selected_pictures_is_on_the_page():
+    assert {r["set"] for r in rows("selected")} == set(SELECTED.values())
+
+
+@pytest.mark.parametrize("title", RIG_SETS)
+def test_rigs_on_photographs(title):
+    of_set = {r["solver"]: r for r in rows("real-rigs") if r["set"] == RIG_SETS[title]}
+    lines = [line for line in RIGS.splitlines() if line.startswith(f"| {title} |")]
+    assert len(lines) >= 2
+    for line in lines:
+        _, _, solver, cameras, moments, *figures, _ = (c.strip().replace("*", "") for c in line.split("|"))
+        row = of_set[SOLVERS[solver]]
+        assert (int(cameras), int(moments)) == (row["cameras"], row["moments"])
+        for name, text in zip(FIGURES, figures, strict=True):
+            assert states(text, row[name])
+    if len(lines) == 2:  # `auto` chose OpenCV's lens model
+        assert of_set["rcdn"]["step_permille"] == of_set["rcdn, brown"]["step_permille"]
