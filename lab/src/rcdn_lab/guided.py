@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,7 @@ from rcdn.types import SQUARES, Array, Board, Calibration, Camera
 from rcdn_lab.camera_scenes import CAMERAS, SIZE, SPACING, board, random_pose, see
 from rcdn_lab.real_boards import uneven_board
 from rcdn_lab.repeatability import projection_deviation
+from rcdn_lab.share_out import share_out
 
 LENSES = {
     "pinhole": CAMERAS["brown"],
@@ -181,41 +183,80 @@ class Curve:
         return float(1 / np.sqrt(np.nanmean(ratio**2)))
 
 
-def curve(person: str, lens: str, boards: str, runs: int, most: int) -> Curve:
-    """The curve of `runs` simulated people."""
-    counts = np.array([n for n in COUNTS if n <= most])
-    off, stated = np.full((runs, len(counts)), np.nan), np.full((runs, len(counts)), np.nan)
-    for seed in range(runs):
-        uneven = (
-            uneven_board(np.random.default_rng([seed, 4]), STRETCH, PRINT_ERROR, BEND) if boards == "bent" else None
-        )
-        scene = Scene(LENSES[lens], uneven)
-        cameras = PEOPLE[person](scene, seed, most)
-        for k, n in enumerate(counts):
-            found = cameras[n - 1]
-            if found is not None:
-                off[seed, k], stated[seed, k] = corner_error(found.camera, scene.camera), corner_deviation(found)
-    return Curve(counts, off, stated)
+@dataclass(frozen=True)
+class Run:
+    """One simulated person: of PEOPLE, with a camera of LENSES and a board of BOARDS, taking `most` pictures."""
+
+    person: str
+    lens: str
+    boards: str
+    seed: int
+    most: int
+
+    @property
+    def counts(self) -> list[int]:
+        """Numbers of pictures after which the camera is evaluated."""
+        return [n for n in COUNTS if n <= self.most]
+
+
+def errors_of(run: Run) -> Array:
+    """(2, K) error in the corners of the frame and its stated deviation, px, after `run.counts` pictures; NaN without a
+    camera."""
+    rng = np.random.default_rng([run.seed, 4])
+    scene = Scene(LENSES[run.lens], uneven_board(rng, STRETCH, PRINT_ERROR, BEND) if run.boards == "bent" else None)
+    cameras = PEOPLE[run.person](scene, run.seed, run.most)
+    found = [cameras[n - 1] for n in run.counts]
+    each = [
+        (np.nan, np.nan) if c is None else (corner_error(c.camera, scene.camera), corner_deviation(c)) for c in found
+    ]
+    return np.array(each).T
 
 
 def corner_error(found: Camera, truth: Camera) -> float:
     """Root mean square error of `found` along one axis, px, over the frame's corners in which both have rays, after the
     best rotation."""
     vectors, _ = difference(truth, found, frame_grid(truth.image_size))
-    return float(np.sqrt(np.nanmean(vectors[_corner_index()] ** 2)))
+    return _root_mean(vectors[_corner_index()] ** 2)
 
 
 def corner_deviation(found: Calibration) -> float:
     """The standard deviation that the calibration states for `corner_error`."""
     cov = projection_deviation(found, frame_grid(found.camera.image_size))[_corner_index()]
-    return float(np.sqrt(np.nanmean(np.einsum("nii->ni", cov))))
+    return _root_mean(np.einsum("nii->ni", cov))
 
 
-def row_of(lens: str, boards: str, runs: int, most: int) -> dict[str, Any]:
-    """The figures of one lens and kind of board; for people who do not reach a target within `most` pictures the ratios
-    are upper bounds."""
-    curves = {name: curve(name, lens, boards, runs, most) for name in PEOPLE}
-    row: dict[str, Any] = {"lens": lens, "boards": boards, "runs": runs}
+def _root_mean(values: Array) -> float:
+    """The root of the mean of the finite values; NaN if there are none."""
+    known = values[np.isfinite(values)]
+    return float(np.sqrt(known.mean())) if len(known) else float("nan")
+
+
+def rows_of(
+    runs: int, most: int, workers: int, progress: Callable[[int, int], None] | None = None
+) -> list[dict[str, Any]]:
+    """The figures of each lens and kind of board, from `runs` people of each kind, by `workers` processes."""
+    cells = list(product(LENSES, BOARDS))
+    tasks = [Run(p, *cell, seed, most) for cell in cells for p in PEOPLE for seed in range(runs)]
+    found = dict(zip(tasks, share_out(errors_of, tasks, workers, _nothing, (), progress), strict=True))
+    rows = []
+    for cell in cells:
+        curves = {}
+        for person in PEOPLE:
+            some = [t for t in tasks if (t.person, t.lens, t.boards) == (person, *cell)]
+            off, stated = np.stack([found[t] for t in some], axis=1)
+            curves[person] = Curve(np.array(some[0].counts), off, stated)
+        rows.append({"lens": cell[0], "boards": cell[1], "runs": runs, **_figures(curves, most)})
+    return rows
+
+
+def _nothing() -> None:
+    """A process needs no preparation."""
+
+
+def _figures(curves: dict[str, Curve], most: int) -> dict[str, float]:
+    """The figures of the people of one cell; for those who do not reach a target within `most` pictures the ratios are
+    upper bounds."""
+    row: dict[str, float] = {}
     for target in TARGETS:
         needed = {name: c.needed(target) for name, c in curves.items()}
         row |= {f"{name}_to_{target}": n for name, n in needed.items()}

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import os
 from typing import Annotated
 
 import typer
 
-from rcdn_lab.cli.evaluate._table import Json, bar, check_files, show
+from rcdn_lab.cli.evaluate._table import Json, Workers, bar, check_files, show
 
 
 def guided(
     runs: Annotated[int, typer.Option(min=1, help="People of each kind.")] = 6,
     most: Annotated[int, typer.Option(min=10, help="Pictures that each takes.")] = 50,
+    workers: Workers = 0,
     json: Json = None,
 ) -> None:
     """Simulated people: after how many pictures a camera is right to 0.1 and 0.3 px in the corners of the frame.
@@ -24,9 +26,6 @@ def guided(
     from rcdn_lab import guided as suite
 
     check_files(json)
-    rows = []
-    for lens in suite.LENSES:
-        for boards in suite.BOARDS:
-            with bar(f"{lens}, {boards}"):
-                rows.append(suite.row_of(lens, boards, runs, most))
+    with bar("people") as step:
+        rows = suite.rows_of(runs, most, workers or os.cpu_count() or 1, step)
     show(rows, json, "guided", {"runs": runs, "most": most})
