@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from rcdn.calibration import calibrate_rig, joint_pairs, many_cameras
+from rcdn.calibration import calibrate_rig, joint_pairs
+from rcdn.calibration import rig as rig_module
 from rcdn.calibration.joint_pairs import JointPairs
 from rcdn.calibration.rig_start import edges_of
 from rcdn.errors import CalibrationError
@@ -35,14 +36,14 @@ def seen():
 def alone(seen):
     """Each camera from its own boards alone: by name the same whatever the moments."""
     boards, _ = seen
-    geometries = many_cameras.Geometries.of([b for each in boards.values() for b in each], SPACING, None)
-    return {name: many_cameras._alone(name, boards[name], geometries, None, "brown") for name in RING}
+    geometries = rig_module.Geometries.of([b for each in boards.values() for b in each], SPACING, None)
+    return {name: rig_module._alone(name, boards[name], geometries, None, "brown") for name in RING}
 
 
 @pytest.fixture
 def rig(seen, alone, monkeypatch):
     """The rig's calibration by its boards' moments."""
-    monkeypatch.setattr(many_cameras, "_alone", lambda name, *_: alone[name])
+    monkeypatch.setattr(rig_module, "_alone", lambda name, *_: alone[name])
     return lambda moments: calibrate_rig(seen[0], SPACING, moments=moments, model="brown")
 
 

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from rcdn.batch.moments import moments_of
 from rcdn.batch.rig_runs import _against, rig_lines
 from rcdn.calibration import calibrate, calibrate_rig
-from rcdn.calibration.many_cameras import _of_one_make
+from rcdn.calibration.rig import _of_one_make
 from rcdn.calibration.rig_start import Edge, averaged, components_of, tree
 from rcdn.errors import CalibrationError, ConfigError
 from rcdn.geometry import rotation

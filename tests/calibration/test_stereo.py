@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 import rcdn
 from rcdn.calibration import calibrate_stereo
-from rcdn.calibration.rig import reversed_in_a_mirror, turn_labels
+from rcdn.calibration.relative_pose import reversed_in_a_mirror, turn_labels
 from rcdn.errors import CalibrationError, ConfigError
 from rcdn.geometry import rotation, unproject
 from rcdn.terminal.camera_text import swapped_hint

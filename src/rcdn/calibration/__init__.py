@@ -2,8 +2,8 @@
 
 from rcdn.calibration.behind import from_behind
 from rcdn.calibration.calibrate import MODELS, calibrate
-from rcdn.calibration.many_cameras import calibrate_rig
 from rcdn.calibration.pose import estimate_pose
+from rcdn.calibration.rig import calibrate_rig
 from rcdn.calibration.rig_pose import estimate_rig_pose
 from rcdn.calibration.stereo import calibrate_stereo
 from rcdn.calibration.uncertainty import coverage, projection_uncertainty

@@ -14,13 +14,13 @@ from rcdn.calibration.arguments import check_boards, texts
 from rcdn.calibration.bundle import State, default_free, with_fixed
 from rcdn.calibration.coded import Geometries, Geometry, Spacing
 from rcdn.calibration.labels import Labelled, Size
+from rcdn.calibration.near_duplicates import alike
 from rcdn.calibration.one_thread import one_thread
 from rcdn.calibration.residual_facts import mean_residuals
 from rcdn.calibration.shape import FEWEST_SHAPED, FUNCTIONS, board_shape
 from rcdn.calibration.start import first_camera, poses
 from rcdn.calibration.uncertainty import covariance, with_held
 from rcdn.calibration.usable import FEWEST_VIEWS, Usable, board_view, one_size, too_few, usable, with_poses
-from rcdn.calibration.views import alike
 from rcdn.errors import CalibrationError, ConfigError, shown
 from rcdn.types import (
     Array,

@@ -19,7 +19,7 @@ from itertools import combinations, permutations
 import numpy as np
 
 from rcdn.calibration.hand_eye import hand_eye
-from rcdn.calibration.rig import Hypotheses, matrix
+from rcdn.calibration.relative_pose import Hypotheses, matrix
 from rcdn.calibration.rig_start import Edge, Key, Sights, Turned, averaged, components_of, tree
 from rcdn.types import Array, Calibration
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rcdn.calibration.rig import Hypotheses
+from rcdn.calibration.relative_pose import Hypotheses
 from rcdn.geometry.rigid import motion, nearest_rotation
 from rcdn.types import Array
 from rcdn.types.arrays import Real

@@ -12,7 +12,7 @@ import numpy as np
 from rcdn.calibration import robust
 from rcdn.calibration.bundle import default_free, residuals
 from rcdn.calibration.fixed_boards import FixedBoards
-from rcdn.calibration.rig import FEWEST_PAIRS, Hypotheses, hypotheses, matrix
+from rcdn.calibration.relative_pose import FEWEST_PAIRS, Hypotheses, hypotheses, matrix
 from rcdn.calibration.rig_fit import free_of
 from rcdn.calibration.rig_start import Edge, Key, Sights, Turned, averaged, components_of, tree, turned
 from rcdn.calibration.rig_task import RigTask

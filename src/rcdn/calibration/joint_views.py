@@ -12,7 +12,7 @@ import numpy as np
 from rcdn.calibration.board_points import flat_points, has_shape
 from rcdn.calibration.labels import turn_labels
 from rcdn.calibration.robust import Fit
-from rcdn.types import NOT_JUDGED, Array, BoardShape, BoardView, Calibration, Pose
+from rcdn.types import NOT_JUDGED, Array, BoardShape, BoardView, Calibration, Pose, Rig
 
 
 class Rows(NamedTuple):
@@ -69,6 +69,21 @@ def solved_camera(
         before, camera=fit.state.cameras[camera], views=tuple(views), cov=cov, noise=fit.noise, shape=shape,
         advice=(), verdict=NOT_JUDGED,
     )  # fmt: skip
+
+
+def camera_jacobian(rig: Rig, camera: int, size: int) -> Array:
+    """(P + 6, size): Jacobian of a camera's P parameters and of the boards' mean motion in its axes, by the `size`
+    parameters of a joint solution: all lenses, the poses of all cameras but the first, …, and the boards' mean motion
+    in the first one's axes."""
+    ends = np.cumsum([0, *(len(c.parameters) for c in rig.cameras)])
+    mine = np.arange(ends[camera], ends[camera + 1])
+    J = np.zeros((len(mine) + 6, size))
+    J[np.arange(len(mine)), mine] = 1
+    if camera:
+        at = ends[-1] + 6 * (camera - 1)
+        J[len(mine) :, at : at + 6] = np.eye(6)
+    J[len(mine) :, -6:] = rig.motion_to(camera)
+    return J
 
 
 def rms_of(fit: Fit) -> float:

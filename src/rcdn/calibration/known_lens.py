@@ -14,11 +14,11 @@ from rcdn.calibration.bundle import State, default_free
 from rcdn.calibration.calibrate import ENOUGH, pictures_of, result_of
 from rcdn.calibration.coded import Geometries
 from rcdn.calibration.facts import measure
+from rcdn.calibration.near_duplicates import alike
 from rcdn.calibration.shape import FEWEST_SHAPED, FUNCTIONS
 from rcdn.calibration.start import poses
 from rcdn.calibration.usable import Usable, usable, with_poses
 from rcdn.calibration.verdict import Check, sentences, verdict_of
-from rcdn.calibration.views import alike
 from rcdn.errors import CalibrationError
 from rcdn.types import Array, Board, Calibration, Camera, ModelScore
 

@@ -14,7 +14,7 @@ from itertools import combinations, product
 
 import numpy as np
 
-from rcdn.calibration.rig import hypotheses
+from rcdn.calibration.relative_pose import hypotheses
 from rcdn.calibration.rig_start import Key, Sights
 from rcdn.types import Array, Calibration
 

@@ -1,189 +1,288 @@
-"""Pose of a second camera relative to the first, from the poses of boards that both saw: the hypothesis with the most
-support among the pairs."""
+"""Calibration of many cameras that see parts of the same boards: lenses, camera poses and boards jointly, with the
+covariance of all camera poses."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import cache, partial
+from itertools import combinations
 
 import numpy as np
 
-from rcdn.calibration.labels import turn_labels
-from rcdn.errors import CalibrationError, many, present
-from rcdn.types import Array, BoardView, Calibration
-from rcdn.types.arrays import Real
+from rcdn.calibration import robust
+from rcdn.calibration.arguments import check_boards
+from rcdn.calibration.board_points import plane_of
+from rcdn.calibration.calibrate import check_arguments, names_of, with_geometries
+from rcdn.calibration.coded import Geometries, Spacing
+from rcdn.calibration.common_model import one_model
+from rcdn.calibration.fixed_boards import in_sets
+from rcdn.calibration.joint_views import camera_jacobian, rms_of, solved_camera, solved_view
+from rcdn.calibration.known_lens import with_known_lens
+from rcdn.calibration.labels import Size
+from rcdn.calibration.lags import lags_of, late_moments
+from rcdn.calibration.one_thread import one_thread
+from rcdn.calibration.rig_facts import judged_rig, links_of, pairs_of
+from rcdn.calibration.rig_fit import fitted
+from rcdn.calibration.rig_graph import RigGraph, sights_of
+from rcdn.calibration.rig_held_out import held_out_epipolar
+from rcdn.calibration.rig_start import Key
+from rcdn.calibration.rig_task import RigTask
+from rcdn.calibration.shape import board_shape
+from rcdn.calibration.time_shift import InStep, by_name, in_step, times_of
+from rcdn.calibration.uncertainty import covariance, with_held
+from rcdn.errors import CalibrationError, ConfigError
+from rcdn.types import Array, Board, BoardShape, Calibration, Camera, FixedBoard, Pose, Rig, RigCalibration
 
-FEWEST_PAIRS = 3
-AGREE = (np.radians(5.0), 0.1)
-"""largest differences, rad and share of the boards' distance, at which two pairs agree on the relative pose"""
-MOST_SHIFT = 3
-"""largest shift in the order of one camera's images that is tried"""
+PATHLESS = "the camera is out of step, and where the board was when it took this picture isn't known"
+ODD = "it disagrees with the other cameras on where the board is"
 
 
-def place(
-    first: Calibration,
-    second: Calibration,
-    pairs: list[tuple[int, int]],
-    given: Sequence[tuple[int, int]] | None = None,
-) -> tuple[Array, dict[int, int], list[tuple[int, int]]]:
-    """T_right_left (4, 4) with the most support among the pairs, the turns of right boards that it needs, and the pairs
-    that disagree.
+@one_thread()
+def calibrate_rig(
+    views: Mapping[str, Sequence[Board]],
+    spacing: Spacing,
+    *,
+    moments: Mapping[str, Sequence[str]] | None = None,
+    names: Mapping[str, Sequence[str]] | None = None,
+    model: str | Mapping[str, str] = "auto",
+    size: Size | None = None,
+    cameras: Mapping[str, Camera] | None = None,
+    correct_time: bool = False,
+    fixed_boards: bool = False,
+) -> RigCalibration:
+    """Calibrate cameras fixed to each other, from boards that each two neighbours saw at the same moment; no board must
+    be seen by all.
 
-    `given`: all pairs in the order of the images, including those without information (default: `pairs`): where most
-    disagree, the error says whether they would agree if the right images were shifted against the left ones. Raises
-    CalibrationError if no hypothesis has the support of half of the pairs.
+    `views`: the boards of each camera by its name; partial ones, and those that no other camera saw, help its lens.
+    `moments`: for each camera, the moment of each of its boards: boards of one moment (and one target) are the same
+    board (default: the k-th boards of all cameras belong together). `names` of the boards' images. `model`: of all
+    cameras, or by name. `cameras`: by name those whose lens is known: it is held constant, and one image of a board is
+    enough for them. `correct_time`: cameras with a clear time shift, as measured with moving boards, are corrected;
+    moments that end in numbers count frames by them. Whole moments by which a camera is late, and agrees with no other
+    one for that, are corrected in any case. `fixed_boards`: the different boards are fixed to each other (on
+    both sides of a plate, on a frame, in a room), and their relative poses are estimated, too: cameras are also
+    connected by different boards at one moment. All else as in `calibrate`; the first camera of the largest connected
+    component defines the rig's frame.
+
+    Each camera is calibrated alone first; under `auto`, cameras that see at the same angles get one lens model. Pairs
+    that agree on their relative pose are the edges of a graph; its best spanning tree, with rotations and then
+    translations averaged over all edges, is the initial guess of one least-squares fit of lenses, camera poses and
+    boards, whose poses are eliminated; of the board's shape, too, if that predicts held-out moments better than a
+    perfect board. Views that disagree are left out and named. Covariances are estimated from the residuals of whole
+    moments. Boards with codes may be seen from behind (`from_behind`). Raises CalibrationError if a camera cannot be
+    calibrated, or no two are connected; ConfigError for a wrong argument.
     """
-    poses = hypotheses(first, second, pairs)
-    best, most = poses.most_agreed()
-    if 2 * most < len(pairs) or most < FEWEST_PAIRS:
-        raise CalibrationError(_disagree(first, second, pairs, most, pairs if given is None else given))
-    gaps, turns = poses.nearest(best)
-    turned = {b: int(q) for (_, b), gap, q in zip(pairs, gaps, turns, strict=True) if gap <= 1}
-    return best, turned, [pair for pair, gap in zip(pairs, gaps, strict=True) if gap > 1]
+    order = list(views)
+    if len(order) < 2:
+        raise ConfigError(f"views must hold two cameras or more, not {len(order)}")
+    given = _given(order, cameras)
+    if not isinstance(model, str) and (missing := [n for n in order if n not in model and n not in given]):
+        raise ConfigError(f"model must name a lens model for each camera; it has none for {', '.join(missing)}")
+    when = _moments(views, moments)
+    geometries = Geometries.of([b for name in order for b in _checked(name, views[name])], spacing, size)
+
+    @cache
+    def as_model(camera: int, lens: str) -> Calibration:
+        name = order[camera]
+        return _alone(name, views[name], geometries, (names or {}).get(name), given.get(name, lens))
+
+    lenses = [
+        given[name].model if name in given else model if isinstance(model, str) else model[name] for name in order
+    ]
+    alone = [as_model(c, lens) for c, lens in enumerate(lenses)]
+    unnamed = [c for c, lens in enumerate(lenses) if lens == "auto"]
+    alone = _of_one_make(alone, unnamed, as_model, sights_of(alone, when))
+    known = [name in given for name in order]
+    graph, time, lags = _graph(alone, when, known, fixed_boards)
+    main = graph.parts[0]
+    if len(main) < 2:
+        raise CalibrationError(_why(order, graph, list(given)))
+    edges, places, fits = graph.pairs.placed(main, graph.edges)
+    graph = replace(graph, edges=edges, fixed=graph.fixed.only({key[1] for key in fits.boards}))
+    fits = in_sets(fits, graph.fixed, places, graph.sights)
+    task = RigTask.of(main, alone, graph.sights, fits, graph.when, [known[c] for c in main], graph.fixed)
+    state = task.start(alone, places)
+    spaced = alone[task.shape].spacing
+    fit = fitted(task.joint, state, shaped=alone[task.shape].shape is not None, spacing=spaced)
+    step = in_step(task, fit, time, correct_time, spaced, [lags.get(c, 0) for c in main])
+    return _result(task, step, order, alone, graph, tuple(n for n in order if n in given))
 
 
-@dataclass(frozen=True, eq=False)
-class Hypotheses:
-    """What pairs of views say of a relative pose: `T` (P, Q, 4, 4) for each pair and turn of the board, the quarters of
-    each `turn` (Q,), and the boards' distances `reach` (P,), m."""
-
-    T: Array
-    turn: tuple[int, ...]
-    reach: Array
-
-    def __len__(self) -> int:
-        return len(self.T)
-
-    def gaps(self, T: Real[Array, "4 4"]) -> Real[Array, "p q"]:
-        """(P, Q) distances from the pose T, 1 at the limit of agreement."""
-        cosine = (np.einsum("pqij,ij->pq", self.T[:, :, :3, :3], T[:3, :3]) - 1) / 2
-        turn = np.arccos(np.clip(cosine, -1, 1)) / AGREE[0]
-        shift = np.linalg.norm(self.T[:, :, :3, 3] - T[:3, 3], axis=2) / (AGREE[1] * self.reach[:, None])
-        return np.maximum(turn, shift)
-
-    def nearest(self, T: Real[Array, "4 4"]) -> tuple[Array, Array]:
-        """(P,) the smallest of each pair's distances from the pose T, and the turn that attains it."""
-        gaps = self.gaps(T)
-        best = np.argmin(gaps, axis=1)
-        return gaps[np.arange(len(gaps)), best], np.array(self.turn)[best]
-
-    def most_agreed(self) -> tuple[Array, int]:
-        """The pose, among those of all pairs, with the most support, and the number of pairs that support it."""
-        best, most = self.T[0, 0], -1
-        for T in self.T.reshape(-1, 4, 4):
-            votes = int((self.gaps(T).min(axis=1) <= 1).sum())
-            if votes > most:
-                best, most = T, votes
-        return best, most
+def _checked(name: str, boards: Sequence[Board]) -> Sequence[Board]:
+    check_boards(boards, f"views[{name!r}]")
+    return boards
 
 
-def hypotheses(first: Calibration, second: Calibration, pairs: Sequence[tuple[int, int]]) -> Hypotheses:
-    """T_right_left by each of the pairs (index of the left view, index of the right view)."""
-    left = np.array([matrix(first.views[a]) for a, _ in pairs])
-    right, turns = np.array([matrix(second.views[b]) for _, b in pairs]), _turns(first)
-    undo = np.array([_undo(q, second) for q in turns])
-    T = right[:, None] @ undo[None] @ np.linalg.inv(left)[:, None]
-    return Hypotheses(T, turns, np.linalg.norm(left[:, :3, 3], axis=1))
-
-
-def most_agreed(first: Calibration, second: Calibration, pairs: Sequence[tuple[int, int]]) -> tuple[Array, int]:
-    """The hypothesis, among those of all pairs, with the most support, and the number of pairs that support it."""
-    return hypotheses(first, second, pairs).most_agreed()
-
-
-def _disagree(
-    first: Calibration,
-    second: Calibration,
-    pairs: list[tuple[int, int]],
-    most: int,
-    given: Sequence[tuple[int, int]],
-) -> str:
-    text = f"only {most} of {many(len(pairs), 'pair')} {'agrees' if most == 1 else 'agree'} on where the cameras stand"
-    if (
-        first.orientation == "unique"
-        and first.target is None
-        and _agree_mirrored(first, second, pairs) > max(most, len(pairs) // 2)
-    ):
-        return f"{text}, but they would if one camera's pictures were mirrored: turn its mirror (selfie) mode off"
-    if (found := _shift(first, second, given, most)) is not None:
-        by, agreeing, (a, b) = found
-        first_ones = "picture" if abs(by) == 1 else f"{abs(by)} pictures"
-        return (
-            f"{text}, but {agreeing} would if the right pictures were shifted by {abs(by)}: {first.views[a].name} then "
-            f"belongs to {second.views[b].name}, and so on. Leave out the first {first_ones} of the "
-            f"{'right' if by > 0 else 'left'} camera, or name the pairs (--pairs)"
+def _given(order: Sequence[str], cameras: Mapping[str, Camera] | None) -> dict[str, Camera]:
+    """The cameras whose lens is known. Raises ConfigError for a name without views."""
+    if unknown := [name for name in cameras or {} if name not in order]:
+        raise ConfigError(
+            f"cameras holds {', '.join(unknown)}, which views don't have; they are of {', '.join(order)}: "
+            "give the same names"
         )
+    return dict(cameras or {})
+
+
+def _moments(views: Mapping[str, Sequence[Board]], moments: Mapping[str, Sequence[str]] | None) -> list[list[str]]:
+    """For each camera, the moment of each of its boards."""
+    if moments is None:
+        return [[str(k) for k in range(len(boards))] for boards in views.values()]
+    for name, boards in views.items():
+        if name not in moments or len(moments[name]) != len(boards):
+            raise ConfigError(f"moments[{name!r}] must have one entry a board: {len(boards)}")
+    return [[str(m) for m in moments[name]] for name in views]
+
+
+def _alone(
+    name: str, boards: Sequence[Board], geometries: Geometries, names: Sequence[str] | None, lens: str | Camera
+) -> Calibration:
+    """The calibration of one camera alone, with a lens model or with a known lens."""
+    try:
+        check_arguments(boards, names, lens if isinstance(lens, str) else "auto", None)
+        if isinstance(lens, Camera):
+            return with_known_lens(boards, geometries, names_of(boards, names), lens)
+        return with_geometries(boards, geometries, names_of(boards, names), lens)
+    except CalibrationError as error:
+        raise CalibrationError(f"camera {name}: {error}") from error
+
+
+def _of_one_make(
+    alone: list[Calibration],
+    unnamed: Sequence[int],
+    as_model: Callable[[int, str], Calibration],
+    sights: Sequence[Mapping[Key, int]],
+) -> list[Calibration]:
+    """The calibrations, with one lens model for those of the cameras `unnamed` that are of one make (`one_model`,
+    pairwise)."""
+    found = list(alone)
+    for _ in unnamed:
+        before = [c.models[0].model for c in found]
+        for a, b in combinations(unnamed, 2):
+            pairs = [(sights[a][key], sights[b][key]) for key in sights[a].keys() & sights[b].keys()]
+            both = partial(_one_as, (a, b), as_model)
+            found[a], found[b], _ = one_model((found[a], found[b]), both, pairs)
+        if before == [c.models[0].model for c in found]:
+            break
+    return found
+
+
+def _one_as(both: tuple[int, int], as_model: Callable[[int, str], Calibration], side: int, lens: str) -> Calibration:
+    """The calibration of the first or the second of two cameras with a lens model."""
+    return as_model(both[side], lens)
+
+
+def _graph(
+    alone: Sequence[Calibration], when: Sequence[Sequence[str]], known: Sequence[bool], fixed_boards: bool
+) -> tuple[RigGraph, dict[str, float], dict[int, int]]:
+    """The graph, the time of each moment, and the cameras' lags, by which moments are counted anew if that connects
+    more cameras."""
+    graph, time = RigGraph.of(alone, when, known, fixed_boards), times_of(m for each in when for m in each)
+    lags = lags_of(alone, graph.sights, time, graph.parts)
+    if lags:
+        later, times = late_moments(when, time, lags)
+        anew = RigGraph.of(alone, later, known, fixed_boards)
+        if len(anew.parts[0]) > len(graph.parts[0]):
+            return anew, times, lags
+    return graph, time, {}
+
+
+def _why(order: Sequence[str], graph: RigGraph, given: Sequence[str]) -> str:
+    a, b, most = graph.most_shared()
     return (
-        f"{text}: are the pictures paired by the same moment, and did the cameras hold still on their mount? If names "
-        "and order don't tell, name the pairs (--pairs)"
+        f"no two cameras agree on where they stand: {order[a]} and {order[b]} share most whole boards, {most}; "
+        "were the pictures taken at the same moments, and do their names or numbers say which belong together?"
+        + (f" And are the lenses given for {', '.join(given)} theirs?" if given else "")
     )
 
 
-def _shift(
-    first: Calibration, second: Calibration, given: Sequence[tuple[int, int]], most: int
-) -> tuple[int, int, tuple[int, int]] | None:
-    """The shift of the right images, the number of pairs that agree with it, and the first of those pairs; None if no
-    shift explains it."""
-    best = None
-    for by in sorted((k for k in range(-MOST_SHIFT, MOST_SHIFT + 1) if k), key=abs):
-        late, early = given[max(0, -by) :], given[max(0, by) :]
-        pairs = [
-            (a, b)
-            for (a, _), (_, b) in zip(late, early, strict=False)
-            if determines_pose(first.views[a], second.views[b])
-        ]
-        if len(pairs) < FEWEST_PAIRS:
+def _result(
+    task: RigTask,
+    step: InStep,
+    order: list[str],
+    alone: list[Calibration],
+    graph: RigGraph,
+    given: tuple[str, ...],
+) -> RigCalibration:
+    main, fit = task.cameras, step.fit
+    used = np.array([f for f, reason in enumerate(fit.reasons) if not reason])
+    if not len(used):
+        raise CalibrationError("no board agrees with the others: check which pictures belong to one moment")
+    cov = with_held(covariance(fit.arrow, used, fit.scale, fit.clustered), fit.free)
+    names = tuple(order[c] for c in main)
+    lenses = sum(len(c.parameters) for c in fit.state.cameras)
+    places = slice(lenses, lenses + 6 * (len(main) - 1))
+    whole = np.zeros((6 * len(main), 6 * len(main)))
+    whole[6:, 6:] = cov[places, places]
+    rig = Rig(names, fit.state.cameras, tuple(Pose(T) for T in fit.state.rig), whole)
+    done, shape = list(alone), _shape(fit, alone[task.shape])
+    for local, c in enumerate(main):
+        J = camera_jacobian(rig, local, len(cov))
+        done[c] = _one(task, step, alone[c], local, c, shape, J @ cov @ J.T)
+    boards = {key: T for key, T in task.poses_of(fit.state).items() if not fit.reasons[task.boards[key]]}
+    found = RigCalibration(
+        rig=rig,
+        cameras=dict(zip(order, done, strict=True)),
+        boards=boards,
+        rms=rms_of(fit),
+        pairs=pairs_of(order, done, graph.sights, _epipolar(task, step, names)),
+        components=tuple(tuple(order[c] for c in part) for part in graph.parts),
+        links=links_of(order, done, graph.parts, graph.when),
+        thin=tuple(order[c] for c in main if len(graph.shared(c)) == 1),
+        shifts=by_name(step.shifts, names),
+        corrected=tuple(names[c] for c in step.late),
+        given=given,
+        fixed_boards=_boards(task, fit, alone, cov[places.stop :, places.stop :]),
+    )
+    return judged_rig(found)
+
+
+def _boards(task: RigTask, fit: robust.Fit, alone: Sequence[Calibration], cov: Array) -> tuple[FixedBoard, ...]:
+    """The boards that are fixed to each other. `cov`: of the parameters from their places on."""
+    targets = {key[1]: alone[c].views[k].target for c in task.cameras for key, k in task.sights[c].items()}
+    found, at = [], 0
+    for each in task.fixed.sets:
+        for board in each:
+            first = next(iter(each))
+            if board == first:
+                found.append(FixedBoard(board, _named(targets[board]), first, np.eye(4), np.zeros((6, 6))))
+                continue
+            T, mine = fit.state.boards[1 + at], slice(6 * at, 6 * at + 6)
+            found.append(FixedBoard(board, _named(targets[board]), first, T, cov[mine, mine]))
+            at += 1
+    return tuple(found)
+
+
+def _named(target: object) -> str:
+    return "plain" if target is None else str(target)
+
+
+def _epipolar(task: RigTask, step: InStep, names: Sequence[str]) -> dict[tuple[str, str], float]:
+    """By two cameras, the distance of their corners from epipolar planes in held-out moments, px."""
+    found = held_out_epipolar(step.fit, step.corners, task.ij, task.cluster)
+    return {(names[a], names[b]): gap for (a, b), gap in found.items()}
+
+
+def _shape(fit: robust.Fit, shaped: Calibration) -> BoardShape | None:
+    """The shape of the board that all cameras saw."""
+    if not len(fit.state.shape) or shaped.size is None:
+        return None
+    return board_shape(fit.state.shape, shaped.size, plane_of(shaped))
+
+
+def _one(
+    task: RigTask, step: InStep, before: Calibration, local: int, c: int, shape: BoardShape | None, cov: Array
+) -> Calibration:
+    """One camera's calibration after the joint solution."""
+    views, odd, fit = [], set(task.turned.odd), step.fit
+    for k, view in enumerate(before.views):
+        rows = task.rows.get((c, k))
+        if rows is None:
+            gone = np.zeros(len(view), bool)
+            views.append(replace(view, reason=ODD, used=gone) if (c, k) in odd else view)
             continue
-        votes = most_agreed(first, second, pairs)[1]
-        if votes >= max(2 * len(pairs) / 3, FEWEST_PAIRS, most + 1) and (best is None or votes > best[1]):
-            best = (by, votes, pairs[0])
-    return best
-
-
-def determines_pose(*views: BoardView) -> bool:
-    """Whether views of one board determine the relative pose of cameras: their labels are settled, and they were not
-    left out."""
-    return all(v.settled and not v.reason and v.target == views[0].target for v in views)
-
-
-def _agree_mirrored(first: Calibration, second: Calibration, pairs: list[tuple[int, int]]) -> int:
-    """Number of pairs that would agree if the right images were mirrored."""
-    flip, undo = np.diag([-1.0, 1, 1, 1]), np.eye(4)
-    size = present(first.size, "Calibration.size")
-    axis = reversed_in_a_mirror(size)
-    undo[axis, axis], undo[axis, 3] = -1, (size[axis] - 1) * second.spacing
-    found = []
-    for a, b in pairs:
-        T = flip @ matrix(second.views[b]) @ undo  # reverses the camera's x axis, and that axis of the board
-        T[:3, 2] = np.cross(T[:3, 0], T[:3, 1])
-        found.append(T @ np.linalg.inv(matrix(first.views[a])))
-    reach = np.array([np.linalg.norm(matrix(first.views[a])[:3, 3]) for a, _ in pairs])
-    return Hypotheses(np.array(found)[:, None], (0,), reach).most_agreed()[1]
-
-
-def reversed_in_a_mirror(size: tuple[int, int]) -> int:
-    """The axis of a board of this `size` (columns, rows), one of them even, along which labels run the other way in a
-    mirrored picture: 0 for columns, 1 for rows. A mirror exchanges the colours around each corner, as does reversing an
-    even number of corners; labels stay right-handed."""
-    return 0 if size[0] % 2 == 0 else 1
-
-
-def matrix(view: BoardView) -> Array:
-    return present(view.pose, "the pose of a view").T_cam_board
-
-
-def _turns(calibration: Calibration) -> tuple[int, ...]:
-    """Numbers of quarter turns that preserve a complete board's colours."""
-    return {"unique": (0,), "ambiguous_180": (0, 2), "ambiguous_90": (0, 1, 2, 3)}[calibration.orientation or "unique"]
-
-
-def _undo(turn: int, calibration: Calibration) -> Real[Array, "4 4"]:
-    """(4, 4) takes coordinates of a board whose labels were turned by `turn` quarters to those of its own labels."""
-    undo = np.eye(4)
-    if not turn:
-        return undo
-    size = present(calibration.size, "Calibration.size")
-    corners = np.array([[0.0, 0], [1, 0], [0, 1]])
-    back = turn_labels(corners, size if turn % 2 == 0 else size[::-1], -turn % 4)
-    undo[:2, 0], undo[:2, 1], undo[:2, 3] = back[1] - back[0], back[2] - back[0], back[0] * calibration.spacing
-    return undo
+        f = int(task.corners.frame[rows[0]])
+        T = step.taken.get((c, k), fit.state.rig[local] @ task.pose(fit.state, c, k))
+        reason = fit.reasons[f] or (PATHLESS if (c, k) in step.lost else "" if fit.used[rows].any() else ODD)
+        views.append(solved_view(view, task.ij, rows, T, fit, reason))
+    return solved_camera(before, local, views, fit, shape, cov)

@@ -3,22 +3,15 @@ with the epipolar planes of that solution."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from itertools import combinations
-
 import numpy as np
 
 from rcdn.calibration import robust
 from rcdn.calibration.bundle import Corners3, State
 from rcdn.calibration.choose import FEWEST, FOLDS
-from rcdn.calibration.epipolar import epipolar_gaps
+from rcdn.calibration.epipolar import Matches, epipolar_gaps, matches
 from rcdn.calibration.rig_start import Edge, components_of
 from rcdn.calibration.solver import solve
 from rcdn.types import Array
-
-Matches = Mapping[tuple[int, int], tuple[Array, Array]]
-"""for two cameras of the joint problem, the rows of the corners that both saw at the same moment: of the first, of the
-second"""
 
 
 def held_out_epipolar(fit: robust.Fit, corners: Corners3, ij: Array, moment: Array) -> dict[tuple[int, int], float]:
@@ -31,15 +24,15 @@ def held_out_epipolar(fit: robust.Fit, corners: Corners3, ij: Array, moment: Arr
     two cameras cannot be held out for them. No entry for two cameras without a held-out corner; none at all with fewer
     than FEWEST shared moments.
     """
-    matches = _matches(corners, ij, fit.used)
+    matched = matches(corners, ij, fit.used)
     when = moment[corners.frame]
-    shared = np.unique(np.concatenate([when[rows] for rows, _ in matches.values()] or [np.zeros(0, int)]))
+    shared = np.unique(np.concatenate([when[rows] for rows, _ in matched.values()] or [np.zeros(0, int)]))
     gaps: dict[tuple[int, int], list[Array]] = {}
     for part in (shared[k::FOLDS] for k in range(FOLDS if len(shared) >= FEWEST else 0)):
         out = np.isin(when, part)
         state = solve(fit.state, corners, np.where(fit.used & ~out, fit.weight, 0.0), fit.free).state
-        of = _components(len(state.cameras), matches, out)
-        for (a, b), (rows, others) in matches.items():
+        of = _components(len(state.cameras), matched, out)
+        for (a, b), (rows, others) in matched.items():
             mine = out[rows]
             if of[a] == of[b] and mine.any():
                 gaps.setdefault((a, b), []).append(_gaps(state, corners, a, b, rows[mine], others[mine]))
@@ -48,26 +41,9 @@ def held_out_epipolar(fit: robust.Fit, corners: Corners3, ij: Array, moment: Arr
     return {pair: float(np.sqrt((each**2).mean())) for pair, each in known.items() if len(each)}
 
 
-def _matches(corners: Corners3, ij: Array, used: Array) -> Matches:
-    """The used corners with the same label on the same board that two cameras saw at the same moment."""
-    part = np.zeros(len(corners), int) if corners.part is None else corners.part
-    place = np.unique(np.column_stack([corners.frame, part, ij]), axis=0, return_inverse=True)[1].ravel()
-    cameras = np.unique(corners.camera).tolist()
-    row = np.full((len(cameras), int(place.max(initial=-1)) + 1), -1)
-    for k, c in enumerate(cameras):
-        mine = np.flatnonzero((corners.camera == c) & used)
-        row[k, place[mine]] = mine
-    found = {}
-    for (k, a), (m, b) in combinations(enumerate(cameras), 2):
-        both = (row[k] >= 0) & (row[m] >= 0)
-        if both.any():
-            found[a, b] = row[k, both], row[m, both]
-    return found
-
-
-def _components(cameras: int, matches: Matches, out: Array) -> dict[int, int]:
+def _components(cameras: int, matched: Matches, out: Array) -> dict[int, int]:
     """By camera, the component that corners outside of the moments `out` (N,) connect it to."""
-    edges = [Edge(a, b, [], np.eye(4), 1) for (a, b), (rows, _) in matches.items() if not out[rows].all()]
+    edges = [Edge(a, b, [], np.eye(4), 1) for (a, b), (rows, _) in matched.items() if not out[rows].all()]
     return {c: k for k, part in enumerate(components_of(cameras, edges)) for c in part}
 
 

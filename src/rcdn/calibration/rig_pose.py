@@ -14,7 +14,7 @@ from rcdn.calibration.bundle import Corners3, State, default_free, residuals
 from rcdn.calibration.coded import frame_of, identity
 from rcdn.calibration.labels import turn_labels
 from rcdn.calibration.pose import estimate_pose, pose_corners
-from rcdn.calibration.rig import AGREE
+from rcdn.calibration.relative_pose import AGREE
 from rcdn.calibration.shape import KNOWN
 from rcdn.calibration.solver import BEHIND, Normal
 from rcdn.calibration.uncertainty import pose_covariance

@@ -11,7 +11,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
-from rcdn.calibration.rig import hypotheses, matrix, most_agreed
+from rcdn.calibration.relative_pose import hypotheses, matrix, most_agreed
 from rcdn.geometry import rotation
 from rcdn.types import Array, Calibration
 from rcdn.types.arrays import Real

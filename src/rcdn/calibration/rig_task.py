@@ -11,7 +11,7 @@ from rcdn.calibration.board_points import plane_of
 from rcdn.calibration.bundle import Corners3, State
 from rcdn.calibration.fixed_boards import FixedBoards
 from rcdn.calibration.joint_views import JointViews
-from rcdn.calibration.rig import matrix
+from rcdn.calibration.relative_pose import matrix
 from rcdn.calibration.rig_fit import Joint
 from rcdn.calibration.rig_start import Key, Turned
 from rcdn.calibration.shape import FUNCTIONS, shape_basis

@@ -13,19 +13,18 @@ from rcdn.calibration.arguments import check_boards
 from rcdn.calibration.bundle import Corners3, State, default_free
 from rcdn.calibration.calibrate import calibrate, check_arguments, names_of, with_geometries
 from rcdn.calibration.coded import Geometries, Spacing
-from rcdn.calibration.epipolar import epipolar_gaps
-from rcdn.calibration.joint_views import JointViews, rms_of, solved_camera, solved_view
+from rcdn.calibration.common_model import one_model
+from rcdn.calibration.epipolar import epipolar_gaps, matches
+from rcdn.calibration.joint_views import JointViews, camera_jacobian, rms_of, solved_camera, solved_view
 from rcdn.calibration.labels import Size
 from rcdn.calibration.one_thread import one_thread
-from rcdn.calibration.rig import FEWEST_PAIRS, determines_pose, matrix, place
+from rcdn.calibration.relative_pose import FEWEST_PAIRS, determines_pose, matrix, place
 from rcdn.calibration.shape import KNOWN, on_shape
 from rcdn.calibration.solver import Arrow
 from rcdn.calibration.stereo_verdict import judged_stereo
-from rcdn.calibration.twins import one_model
 from rcdn.calibration.uncertainty import covariance
 from rcdn.errors import CalibrationError, ConfigError, many
-from rcdn.geometry import cross_matrix
-from rcdn.types import Array, Board, BoardShape, Calibration, Camera, StereoCalibration
+from rcdn.types import Array, Board, BoardShape, Calibration, Camera, Pose, Rig, StereoCalibration
 
 Names = tuple[Sequence[str], Sequence[str]]
 
@@ -217,21 +216,20 @@ def _result(
             "check that pictures are paired by moment"
         )
     cov, T = covariance(fit.arrow, np.array(used), fit.scale, fit.clustered), fit.state.rig[1]
-    a, b = len(first.std), len(second.std)
-    to_right = _motion_of_right(T, a, b, len(cov))
-    keep = np.eye(len(cov))
-    left_cov = keep[[*range(a), *range(len(cov) - 6, len(cov))]]
-    right_cov = np.concatenate([keep[a : a + b], to_right])
+    rig = Rig(("left", "right"), fit.state.cameras, tuple(Pose(each) for each in fit.state.rig))
+    jacobians = [camera_jacobian(rig, c, len(cov)) for c in range(2)]
     left, right = (
-        _one(task, fit, calibration, c, M @ cov @ M.T)
-        for c, (calibration, M) in enumerate(((first, left_cov), (second, right_cov)))
+        _one(task, fit, calibration, c, J @ cov @ J.T)
+        for c, (calibration, J) in enumerate(zip((first, second), jacobians, strict=True))
     )
     left, right = (_paired(task, c, calibration) for c, calibration in enumerate((left, right)))
     rectified = _rectify(left.camera, right.camera, T)
-    places = slice(a + b, a + b + 6)
-    epipolar = _epipolar(task, fit, pairs, left.camera, right.camera, T)
+    lenses = len(left.camera.parameters) + len(right.camera.parameters)
+    places = slice(lenses, lenses + 6)
     advice = _odd_pairs([f"{first.views[a].name} and {second.views[b].name}" for a, b in odd])
-    return StereoCalibration(left, right, T, cov[places, places], rms_of(fit), epipolar, *rectified, advice), cov
+    return StereoCalibration(
+        left, right, T, cov[places, places], rms_of(fit), _epipolar(task, fit), *rectified, advice
+    ), cov
 
 
 def _odd_pairs(names: list[str]) -> tuple[str, ...]:
@@ -242,18 +240,6 @@ def _odd_pairs(names: list[str]) -> tuple[str, ...]:
     those = many(len(names), "pair disagrees", "pairs disagree")
     left_out = "was left out" if len(names) == 1 else "were left out"
     return (f"{those} with the others on where the cameras stand and {left_out}: {some}.",)
-
-
-def _motion_of_right(T: Array, a: int, b: int, size: int) -> Array:
-    """(6, size): Jacobian of the boards' mean motion in the right camera by the motions in the left one and of the
-    right camera itself."""
-    M = np.zeros((6, size))
-    M[:, a + b : a + b + 6] = np.eye(6)
-    R, t = T[:3, :3], T[:3, 3]
-    M[:3, -6:-3] = R
-    M[3:, -6:-3] = cross_matrix(t) @ R
-    M[3:, -3:] = R
-    return M
 
 
 def _one(task: StereoTask, fit: robust.Fit, before: Calibration, camera: int, cov: Array) -> Calibration:
@@ -278,20 +264,15 @@ def _paired(task: StereoTask, camera: int, calibration: Calibration) -> Calibrat
     return replace(calibration, views=tuple(calibration.views[k] for k in [*order, *rest]))
 
 
-def _epipolar(task: StereoTask, fit: robust.Fit, pairs: list[int], left: Camera, right: Camera, T: Array) -> float:
+def _epipolar(task: StereoTask, fit: robust.Fit) -> float:
     """RMS distance of corners from their epipolar planes, as an angle × focal length, px, over both cameras; NaN if no
     corner was seen by both."""
-    squares = []
-    for f in pairs:
-        a, b = (task.rows[c, task.seen[f][c]] for c in range(2))
-        labels = [{tuple(x): r for x, r in zip(task.ij[rows].tolist(), rows, strict=True)} for rows in (a, b)]
-        common = [(labels[0][x], labels[1][x]) for x in labels[0] if x in labels[1]]
-        mine = np.array([(p, q) for p, q in common if fit.used[p] and fit.used[q]])
-        if not len(mine):
-            continue
-        xy, other = (task.corners.xy[rows] for rows in mine.T)
-        squares.append(epipolar_gaps(left, right, T, xy, other) ** 2)
-    return float(np.sqrt(np.nanmean(np.concatenate(squares)))) if squares else float("nan")
+    rows = matches(task.corners, task.ij, fit.used).get((0, 1))
+    if rows is None:
+        return float("nan")
+    left, right = fit.state.cameras
+    gaps = epipolar_gaps(left, right, fit.state.rig[1], *(task.corners.xy[each] for each in rows))
+    return float(np.sqrt(np.nanmean(gaps**2)))
 
 
 def _rectify(left: Camera, right: Camera, T: Array) -> tuple[Array, Array, Array, Array, Array]:

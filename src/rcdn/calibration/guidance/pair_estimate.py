@@ -13,7 +13,7 @@ from rcdn.calibration.bundle import Prior, default_free
 from rcdn.calibration.guidance.first_guess import SCATTER, camera_prior, first_guess
 from rcdn.calibration.guidance.progress import FEWEST, Wish
 from rcdn.calibration.labels import Size
-from rcdn.calibration.rig import FEWEST_PAIRS, determines_pose, hypotheses
+from rcdn.calibration.relative_pose import FEWEST_PAIRS, determines_pose, hypotheses
 from rcdn.calibration.solver import solve
 from rcdn.calibration.stereo import StereoSolution, stereo_solution, stereo_start, stereo_task
 from rcdn.calibration.uncertainty import Clustered, covariance

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rcdn.calibration.bundle import Corners3
-from rcdn.calibration.views import NEAR, alike
+from rcdn.calibration.near_duplicates import NEAR, alike
 from rcdn_lab.camera_scenes import CAMERAS, SPACING, labels, random_pose, see
 
 SIZE = (640, 480)

@@ -9,7 +9,7 @@ import pytest
 from test_stereo import T_RIGHT_LEFT, pairs
 
 from rcdn.calibration import calibrate, calibrate_stereo
-from rcdn.calibration.twins import alike, one_model
+from rcdn.calibration.common_model import alike, one_model
 from rcdn.errors import CalibrationError
 from rcdn.types import Camera, ModelScore
 from rcdn_lab.camera_scenes import CAMERAS, SPACING

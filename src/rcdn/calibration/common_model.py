@@ -11,7 +11,7 @@ from rcdn.calibration import choose
 from rcdn.calibration.board_points import flat_points
 from rcdn.calibration.bundle import Corners3, State, default_free
 from rcdn.calibration.calibrate import AUTO
-from rcdn.calibration.rig import matrix
+from rcdn.calibration.relative_pose import matrix
 from rcdn.calibration.sight import off_axis, reach
 from rcdn.calibration.solver import solve
 from rcdn.errors import CalibrationError
