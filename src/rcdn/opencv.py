@@ -66,9 +66,9 @@ def charuco_of(board: Any) -> Charuco:
     ids = np.ravel(board.getIds())
     if not np.array_equal(ids, ids[0] + np.arange(len(ids))):
         raise ConfigError("board: its markers must be numbered one after the other, as they are unless ids are given")
-    legacy = bool(board.getLegacyPattern()) and rows % 2 == 0  # for an odd number of rows both patterns are equal
     ratio = round(board.getMarkerLength() / board.getSquareLength(), 6)
-    return Charuco(columns, rows, _dictionary_of(board.getDictionary(), int(ids[-1])), ratio, int(ids[0]), legacy)
+    name, legacy = _dictionary_of(board.getDictionary(), int(ids[-1])), bool(board.getLegacyPattern())
+    return Charuco(columns, rows, name, ratio, int(ids[0]), legacy)
 
 
 def _dictionary_of(dictionary: Any, highest: int) -> str:

@@ -259,10 +259,9 @@ def _target(pattern: Printable, size: GridSize, given: Mapping[str, Any]) -> Pri
         return PuzzlePart(*size, *(whole(text, "--first") for text in at))
     first = whole(given.get("first", "0"), "--first")
     if pattern is Printable.charuco:
-        # with an odd number of rows the legacy layout is the same as the current one
-        legacy = given.get("legacy", False) and size.rows % 2 == 0
         name = _dictionary(given.get("dictionary"), first + (size.cols * size.rows + 1) // 2)
-        return Charuco(*size, name, given.get("marker", 0.75), first, legacy, given.get("inverted", False))
+        legacy, inverted = (given.get(key, False) for key in ("legacy", "inverted"))
+        return Charuco(*size, name, given.get("marker", 0.75), first, legacy, inverted)
     if pattern is Printable.aprilgrid:
         from rcdn.targets.dictionaries import family_name
 

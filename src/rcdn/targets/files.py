@@ -129,11 +129,10 @@ def _of_ours(record: Mapping[Any, Any]) -> Printed:
 
 def _read_charuco(record: Mapping[Any, Any], spacing: float) -> Print:
     _only(record, ("kind", "columns", "rows", "spacing", "marker", "dictionary", "first_id", "legacy", "inverted"))
-    rows = _whole(record, "rows")
     return Charuco(
-        _whole(record, "columns"), rows, dictionary_name(_text(record, "dictionary")),
+        _whole(record, "columns"), _whole(record, "rows"), dictionary_name(_text(record, "dictionary")),
         round(_length(record, "marker") / spacing, ROUND), _whole(record, "first_id", 0),
-        legacy=_flag(record, "legacy") and rows % 2 == 0, inverted=_flag(record, "inverted"),
+        legacy=_flag(record, "legacy"), inverted=_flag(record, "inverted"),
     )  # fmt: skip
 
 

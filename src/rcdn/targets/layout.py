@@ -9,9 +9,8 @@ from rcdn.types import Array, Charuco
 
 
 def odd_markers(board: Charuco) -> bool:
-    """Whether the markers lie in the squares whose column + row is odd; otherwise where it is even. With an odd number
-    of rows a legacy board is the same as any other."""
-    return not (board.legacy and (board.rows or 0) % 2 == 0)
+    """Whether the markers lie in the squares whose column + row is odd; otherwise where it is even."""
+    return not board.legacy
 
 
 def markers_in(board: Charuco, square: Array) -> tuple[Array, Array]:

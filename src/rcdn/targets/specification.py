@@ -113,10 +113,9 @@ def _split(parts: Sequence[str]) -> tuple[list[str], _Words]:
 
 def _charuco(places: list[str], words: _Words) -> Print:
     (columns, rows), (dictionary, marker) = _size(places), _exactly(places, ("a dictionary", "a marker's share"))
-    legacy = words.flag("legacy") and rows % 2 == 0  # with an odd number of rows both layouts are the same
     board = Charuco(
         columns, rows, dictionary_name(dictionary), _share(marker, "the marker's share of a square"),
-        words.number("first", 0), legacy, words.flag("inverted"),
+        words.number("first", 0), words.flag("legacy"), words.flag("inverted"),
     )  # fmt: skip
     words.done()
     return board

@@ -21,8 +21,9 @@ PUZZLE = 501
 @dataclass(frozen=True)
 class Charuco:
     """A ChArUco board. `columns` × `rows` squares (rows None: its lower end was not seen); `dictionary`: OpenCV's name;
-    `marker`: side of a marker ÷ side of a square; `first_id` of the markers; `legacy`: rows are even and the square at
-    the top left is white (OpenCV before 4.6); `inverted`: white markers in black squares.
+    `marker`: side of a marker ÷ side of a square; `first_id` of the markers; `legacy`: the square at the top left is
+    white (OpenCV before 4.6), False for odd rows, with which both layouts are the same; `inverted`: white markers in
+    black squares.
 
     Corners are numbered as in OpenCV: row by row from the top left, columns − 1 per row. `ij` starts there at (0, 0).
     """
@@ -35,6 +36,10 @@ class Charuco:
     legacy: bool = False
     inverted: bool = False
     kind: ClassVar[str] = "charuco"
+
+    def __post_init__(self) -> None:
+        if self.rows is not None and self.rows % 2:
+            object.__setattr__(self, "legacy", False)
 
     def __str__(self) -> str:
         extra = (
