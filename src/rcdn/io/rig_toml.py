@@ -12,7 +12,7 @@ import numpy as np
 
 from rcdn.errors import FormatError
 from rcdn.geometry.rigid import motion
-from rcdn.io.cameras.base import make_camera, opencv_lens, pinhole_numbers
+from rcdn.io.cameras.base import opencv_camera, pinhole_numbers
 from rcdn.io.cameras.yaml_text import flow
 from rcdn.io.fields import numbers, rigid, two_whole_numbers
 from rcdn.types import Array, Camera, Pose, Rig
@@ -69,11 +69,7 @@ def rig_of(text: str, where: str) -> Rig:
         name = record.get("name", key)
         K, d = numbers(record, "matrix", at, finite=True, shape=(3, 3)), _list(record, "distortions", at)
         size = two_whole_numbers(record, "size", at)
-        if record.get("fisheye") is True:
-            cameras[str(name)] = make_camera(at, K, d, size, "fisheye")
-        else:
-            model, lens = opencv_lens(at, d)
-            cameras[str(name)] = make_camera(at, K, lens, size, model)
+        cameras[str(name)] = opencv_camera(at, K, d, size, fisheye=record.get("fisheye") is True)
         poses.append(Pose(_place(record, at)))
     if not poses:
         raise FormatError(f"{where}: holds no camera with a place; give a TOML of aniposelib or caliscope")

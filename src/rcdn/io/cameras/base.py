@@ -131,7 +131,18 @@ def matrix(fx: float, fy: float, cx: float, cy: float) -> Real[Array, "3 3"]:
     return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]], float)
 
 
-def opencv_lens(where: str, values: Sequence[float] | Array) -> tuple[CameraModel, Array]:
+def opencv_camera(
+    where: str, K: Array, values: Sequence[float] | Array, size: tuple[int, int], fisheye: bool = False
+) -> Camera:
+    """A camera from the numbers in a file, with the distortion `values` of OpenCV's camera model, or of its `fisheye`
+    model. Raises FormatError if they aren't those of a calibrated camera."""
+    if fisheye:
+        return make_camera(where, K, values, size, "fisheye")
+    model, distortion = _lens(where, values)
+    return make_camera(where, K, distortion, size, model)
+
+
+def _lens(where: str, values: Sequence[float] | Array) -> tuple[CameraModel, Array]:
     """Lens model and distortion from OpenCV's k1 k2 p1 p2 [k3 [k4 k5 k6 [s1 s2 s3 s4 [τx τy]]]]; a pinhole if there are
     none or all are zero."""
     d = np.asarray(values, float).ravel()

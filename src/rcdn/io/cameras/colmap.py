@@ -9,7 +9,7 @@ from typing import Any, get_args
 import numpy as np
 
 from rcdn.errors import FormatError, shown
-from rcdn.io.cameras.base import Format, coefficients, make_camera, matrix, opencv_lens, pinhole_numbers
+from rcdn.io.cameras.base import Format, coefficients, make_camera, matrix, opencv_camera, pinhole_numbers
 from rcdn.io.cameras.yaml_text import digits
 from rcdn.types import Array, Camera, CameraModel
 
@@ -87,10 +87,8 @@ def camera_of(fields: list[str], where: str) -> Camera:
         return make_camera(where, K, d, (width, height), "division")
     if lens < 4:
         d = np.concatenate([d, np.zeros(4 - lens)])  # COLMAP's short models end after k1 or k2
-    if model == "fisheye":
-        return make_camera(where, K, d, (width, height), "fisheye")
-    found, distortion = opencv_lens(where, d if d[5:].any() else d[:5] if d[4:].any() else d[:4])
-    return make_camera(where, K, distortion, (width, height), found)
+    d = d if d[5:].any() else d[:5] if d[4:].any() else d[:4]
+    return opencv_camera(where, K, d, (width, height), fisheye=model == "fisheye")
 
 
 def _cameras(data: Any, path: str) -> dict[str, Camera]:

@@ -15,7 +15,7 @@ from rcdn.io.cameras.base import (
     coefficients,
     make_camera,
     matrix,
-    opencv_lens,
+    opencv_camera,
     pair_of,
     pinhole_numbers,
     unheld,
@@ -90,10 +90,7 @@ def _camera(record: Any, where: str) -> Camera:
     if lens == "none":
         return make_camera(where, K, [], size, "pinhole")
     d = numbers(record, "distortion_coeffs", where, finite=True, shape=(_LENGTHS[lens],))
-    if lens == "equidistant":
-        return make_camera(where, K, d, size, "fisheye")
-    model, distortion = opencv_lens(where, d)
-    return make_camera(where, K, distortion, size, model)
+    return opencv_camera(where, K, d, size, fisheye=lens == "equidistant")
 
 
 def _cameras(data: Any, path: str) -> dict[str, Camera]:

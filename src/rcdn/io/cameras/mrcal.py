@@ -13,7 +13,7 @@ import numpy as np
 from rcdn.errors import FormatError, RcdnError, shown
 from rcdn.geometry.rigid import motion
 from rcdn.geometry.splined import Splined, camera_of, splined_of
-from rcdn.io.cameras.base import Format, LensFit, make_camera, matrix, opencv_lens, pinhole_numbers, unheld
+from rcdn.io.cameras.base import Format, LensFit, make_camera, matrix, opencv_camera, pinhole_numbers, unheld
 from rcdn.io.cameras.rig import StereoCameras
 from rcdn.io.cameras.yaml_text import flow
 from rcdn.io.fields import numbers, take, two_whole_numbers
@@ -102,8 +102,7 @@ def _camera(data: Any, path: str) -> Camera:
             f"{SPLINED}_order=3_… with mrcal-convert-lensmodel"
         )
     values, size = _numbers(data, path, 4 + _LENGTHS[name])
-    model, distortion = opencv_lens(path, values[4:])
-    return make_camera(path, matrix(*values[:4]), distortion, size, model)
+    return opencv_camera(path, matrix(*values[:4]), values[4:], size)
 
 
 def _numbers(data: Any, path: str, many: int) -> tuple[Array, tuple[int, int]]:

@@ -12,8 +12,7 @@ from rcdn.geometry.rigid import motion
 from rcdn.io.cameras.base import (
     Format,
     coefficients,
-    make_camera,
-    opencv_lens,
+    opencv_camera,
     pair_of,
     pinhole_numbers,
     size_of,
@@ -91,10 +90,7 @@ def _camera(
         raise FormatError(
             f"{where} has 4 numbers, which a plain and a fisheye lens can have; add `{_FLAG}: 0` (or 1) to the file"
         )
-    if flag in data and number(data, flag, where):
-        return make_camera(where, K, values, size, "fisheye")
-    model, distortion = opencv_lens(where, values)
-    return make_camera(where, K, distortion, size, model)
+    return opencv_camera(where, K, values, size, fisheye=flag in data and bool(number(data, flag, where)))
 
 
 def _lower(data: Any) -> dict[str, Any]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from rcdn.errors import FormatError, shown
 from rcdn.geometry.rigid import motion
-from rcdn.io.cameras.base import Format, coefficients, make_camera, opencv_lens, pinhole_numbers, size_of, unheld
+from rcdn.io.cameras.base import Format, coefficients, opencv_camera, pinhole_numbers, size_of, unheld
 from rcdn.io.cameras.rig import Rectification, StereoCameras
 from rcdn.io.cameras.yaml_text import YAML, Matrix, block_matrix, load
 from rcdn.io.fields import numbers, take
@@ -67,10 +67,7 @@ def _camera(data: Any, path: str) -> Camera:
         raise FormatError(f"{path}: 'distortion_model' must be one of {', '.join(_LENGTHS)}, not {shown(kind)}")
     if len(D) not in _LENGTHS[kind]:
         raise FormatError(f"{where}: {kind} takes {_LENGTHS[kind][-1]} numbers, not {len(D)}")
-    if kind == "equidistant":
-        return make_camera(path, K, D, size, "fisheye")
-    model, distortion = opencv_lens(where, D)
-    return make_camera(path, K, distortion, size, model)
+    return opencv_camera(path, K, D, size, fisheye=kind == "equidistant")
 
 
 def _stereo(files: Sequence[tuple[Any, str]]) -> StereoCameras:
