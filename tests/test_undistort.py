@@ -189,7 +189,7 @@ def test_bad_pictures_and_wrong_sizes_are_told_and_the_others_written(run):
     result = run("camera.yaml", "in", "missing.png", "--out", "out")
     assert result.exit_code == 1
     assert len(result.stderr.splitlines()) == 3
-    assert "in/c.png: the picture has 81×60 px, but the camera was calibrated at 160×120 px" in result.stderr
+    assert f"{Path('in/c.png')}: the picture has 81×60 px, but the camera was calibrated at 160×120 px" in result.stderr
     assert sorted(p.name for p in Path("out").iterdir()) == ["a.png", "d.png", "undistorted-camera.yaml"]
 
 
@@ -209,7 +209,7 @@ def test_nothing_of_others_is_written_over_and_a_second_run_replaces_the_first(r
     before = Path("out/a.png").read_bytes()
     result = run("camera.yaml", "in", "--out", "out")
     assert result.exit_code == 1
-    assert "out/a.png: is there already, and not marked as written by rcdn" in result.stderr
+    assert f"{Path('out/a.png')}: is there already, and not marked as written by rcdn" in result.stderr
     assert Path("out/a.png").read_bytes() == before
     assert mark_of("out/b.jpg") == "rcdn undistorted"
     assert run("camera.yaml", "in", "--out", "out", "--overwrite").exit_code == 0

@@ -1,5 +1,5 @@
 """The kernels compiled for other systems and processors, and run there or in an emulator:
-calls of detections here must give the same bits."""
+calls of detections here must give the same bits. Slow tests: `python -m pytest tests/replay -m slow`."""
 
 import os
 import shutil

@@ -7,9 +7,9 @@ from typing import Any, get_args
 
 import numpy as np
 
-from rcdn.errors import FormatError, RcdnError, shown
+from rcdn.errors import FormatError, shown
 from rcdn.io.cameras import ours
-from rcdn.io.fields import nullable, number, numbers, read_text, rigid, take, two_whole_numbers
+from rcdn.io.fields import located, nullable, number, numbers, read_text, rigid, take, two_whole_numbers
 from rcdn.io.files import write_text
 from rcdn.types import (
     LEVELS,
@@ -267,7 +267,7 @@ def _view(record: Any, where: str) -> BoardView:
     ij, used = (numbers(record, key, where, finite=True, within=LABEL) for key in ("ij", "used"))
     if (ij != np.floor(ij)).any() or not np.isin(used, (0, 1)).all():
         raise FormatError(f"{where}: 'ij' must hold whole numbers and 'used' 0 or 1")
-    try:
+    with located(where):
         return BoardView(
             name=take(record, "name", str, where),
             board=take(record, "board", int, where),
@@ -281,8 +281,6 @@ def _view(record: Any, where: str) -> BoardView:
             settled=take(record, "settled", bool, where),
             **_print(record, where),
         )
-    except RcdnError as error:
-        raise error if isinstance(error, FormatError) else FormatError(f"{where}: {error}") from error
 
 
 def _target(record: Any, where: str) -> Target | None:
@@ -290,10 +288,8 @@ def _target(record: Any, where: str) -> Target | None:
     supported."""
     if record.get("target") is None:
         return None
-    try:
+    with located(where):
         return target_of(record["target"])
-    except RcdnError as error:
-        raise FormatError(f"{where}: {error}") from error
 
 
 def _print(record: Any, where: str) -> dict[str, Any]:

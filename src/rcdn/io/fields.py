@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from rcdn.errors import FormatError
+from rcdn.errors import FormatError, RcdnError
 from rcdn.types import Array
 from rcdn.types.arrays import Real
 from rcdn.types.ranges import LARGEST, SIDE
@@ -45,6 +47,18 @@ def read_json(path: str | Path, text: str, fix: str) -> Any:
         return json.loads(text, parse_constant=_refuse_constant)
     except (ValueError, RecursionError) as error:
         raise FormatError(f"{path}: not JSON ({error}); {fix}") from error
+
+
+@contextmanager
+def located(where: str) -> Iterator[None]:
+    """An RcdnError that is raised inside becomes a FormatError whose message begins with `where`; FormatErrors name
+    their place already."""
+    try:
+        yield
+    except FormatError:
+        raise
+    except RcdnError as error:
+        raise FormatError(f"{where}: {error}") from error
 
 
 def take(record: Any, key: str, kind: type, where: str) -> Any:

@@ -12,7 +12,7 @@ from typing import Any, get_args
 import numpy as np
 
 from rcdn.errors import FormatError, RcdnError, shown
-from rcdn.io.fields import numbers, read_json, read_text, take
+from rcdn.io.fields import located, numbers, read_json, read_text, take
 from rcdn.io.files import write_chunks
 from rcdn.types import Array, Board, Corners, Orientation, Pattern, Status
 from rcdn.types.ranges import LABEL, POSITION, whole_size
@@ -207,10 +207,8 @@ def _common(record: dict[str, Any], where: str) -> dict[str, Any]:
 def _image(record: Any, where: str) -> ImageResult:
     path = take(record, "path", str, where)
     given = take(record, "width", int, where), take(record, "height", int, where)
-    try:
+    with located(where):
         size = whole_size(given, "'width' and 'height'")
-    except RcdnError as error:
-        raise FormatError(f"{where}: {error}") from error
     corners = take(record, "corners", dict, where)
     boards = [_board(b, size, f"{where}.boards[{k}]") for k, b in enumerate(take(record, "boards", list, where))]
     warnings = take(record, "warnings", list, where) if "warnings" in record else []
@@ -219,10 +217,8 @@ def _image(record: Any, where: str) -> ImageResult:
     where += ".corners"
     axes = numbers(corners, "axes", where) if "axes" in corners else None
     common = _common(corners, where)
-    try:
+    with located(where):
         return ImageResult(path, *size, Corners(axes=axes, **common), tuple(boards), tuple(warnings))
-    except RcdnError as error:
-        raise FormatError(f"{where}: {error}") from error
 
 
 def _board(record: Any, image_size: tuple[int, int], where: str) -> Board:
@@ -236,14 +232,12 @@ def _board(record: Any, image_size: tuple[int, int], where: str) -> Board:
     if pattern not in get_args(Pattern):
         raise FormatError(f"{where}: 'pattern' must be one of {', '.join(get_args(Pattern))}")
     common = _common(record, where)
-    try:
+    with located(where):
         target = target_of(record["target"]) if "target" in record else None
         ids = numbers(record, "ids", where, finite=True) if "ids" in record else None
         board = Board(
             ij=ij, image_size=image_size, orientation=orientation, pattern=pattern, target=target, ids=ids, **common
         )
-    except RcdnError as error:
-        raise FormatError(f"{where}: {error}") from error
     if take(record, "size", list, where) != list(board.size) or take(record, "complete", bool, where) != board.complete:
         raise FormatError(f"{where}: 'size' and 'complete' must agree with 'ij', which gives {list(board.size)}")
     return board

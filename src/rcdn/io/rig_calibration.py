@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from rcdn.errors import FormatError, RcdnError, shown
+from rcdn.errors import FormatError, shown
 from rcdn.io.calibration import calibration_of, calibration_record, known, load_kind, reason_record, verdict_of
 from rcdn.io.cameras import ours
-from rcdn.io.fields import nullable, numbers, rigid, take
+from rcdn.io.fields import located, nullable, numbers, rigid, take
 from rcdn.io.files import write_text
 from rcdn.io.rig_files import rig_of_record, rig_record
 from rcdn.types import Array, FixedBoard, MissingLink, RigCalibration, RigPair, TimeShift
@@ -58,7 +58,7 @@ def read_rig_calibration(path: str | Path) -> RigCalibration:
     records = [(f"{where}: cameras[{k}]", r) for k, r in enumerate(take(data, "cameras", list, where))]
     cameras = {take(r, "name", str, at): calibration_of(r, at) for at, r in records}
     shifts = {n: _shift(s, f"{where}: shifts[{n!r}]") for n, s in take(data, "shifts", dict, where).items()}
-    try:
+    with located(where):
         return RigCalibration(
             rig=rig_of_record(data, where),
             cameras=cameras,
@@ -74,8 +74,6 @@ def read_rig_calibration(path: str | Path) -> RigCalibration:
             corrected=_names(data.get("corrected"), f"{where}: corrected"),
             fixed_boards=tuple(_fixed(r, at) for at, r in _records(data, "fixed_boards", where)),
         )
-    except RcdnError as error:
-        raise error if isinstance(error, FormatError) else FormatError(f"{where}: {error}") from error
 
 
 def _records(data: Any, key: str, where: str) -> list[tuple[str, Any]]:

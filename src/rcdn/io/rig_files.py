@@ -11,11 +11,11 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from rcdn.errors import FormatError, RcdnError, shown
+from rcdn.errors import FormatError, shown
 from rcdn.io import rig_colmap, rig_folder, rig_toml
 from rcdn.io.cameras import FORMATS, CameraFormat, camera_format, kalibr, lens_fit, noted, ours, parsed
 from rcdn.io.cameras.base import LensFit, UnheldLensError
-from rcdn.io.fields import nullable, numbers, read_json, read_text, rigid, take
+from rcdn.io.fields import located, nullable, numbers, read_json, read_text, rigid, take
 from rcdn.io.files import check_writable, write_text
 from rcdn.types import Array, Camera, CameraModel, Pose, Rig
 
@@ -124,7 +124,7 @@ def read_rig(path: str | Path, *others: str | Path) -> Rig:
     """
     paths = [Path(path), *map(Path, others)] if others else rig_folder.siblings(Path(path)) or [Path(path)]
     where = str(paths[0])
-    try:
+    with located(where):
         if len(paths) > 1:
             return rig_folder.rig_of([(parsed("opencv", p, read_text(p)), str(p)) for p in paths])
         text = read_text(paths[0])
@@ -140,8 +140,6 @@ def read_rig(path: str | Path, *others: str | Path) -> Rig:
                 f"{where}: holds no rig; of one file a camera (OpenCV, ROS) give all, else a file that {_READ} wrote"
             )
         return _of_chain(data, where)
-    except RcdnError as error:
-        raise error if isinstance(error, FormatError) else FormatError(f"{where}: {error}") from error
 
 
 def lens_fits(path: str | Path, rig: Rig, format: str | None = None) -> list[LensFit | None]:

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from rcdn.errors import FormatError, RcdnError
+from rcdn.errors import FormatError
 from rcdn.geometry import lens_trouble
 from rcdn.geometry.fit_lens import nearest
 from rcdn.io.cameras.rig import StereoCameras
-from rcdn.io.fields import take
+from rcdn.io.fields import located, take
 from rcdn.types import Array, Camera, CameraModel
 from rcdn.types.arrays import Real
 from rcdn.types.ranges import whole_size
@@ -112,11 +112,9 @@ def make_camera(where: str, K: Array, distortion: Any, size: tuple[int, int], mo
         )
     if not np.isfinite(distortion).all():
         raise FormatError(f"{where}: the distortion must hold finite numbers")
-    try:
+    with located(where):
         whole = whole_size(size, "the image size")
         return usable(Camera(K, np.asarray(distortion, float), whole, model), where)
-    except RcdnError as error:
-        raise error if isinstance(error, FormatError) else FormatError(f"{where}: {error}") from error
 
 
 def usable(camera: Camera, where: str) -> Camera:

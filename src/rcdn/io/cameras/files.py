@@ -11,7 +11,7 @@ from rcdn.io.cameras import ours
 from rcdn.io.cameras.base import Format, LensFit
 from rcdn.io.cameras.formats import FORMATS, CameraFormat, camera_format, load, no_pair, text_of
 from rcdn.io.cameras.rig import StereoCameras
-from rcdn.io.fields import is_rigid, read_text
+from rcdn.io.fields import is_rigid, located, read_text
 from rcdn.io.files import check_writable, write_text
 from rcdn.types import Camera, StereoCalibration
 
@@ -157,10 +157,8 @@ def read_stereo(left: str | Path, right: str | Path | None = None, format: Camer
     kind = FORMATS[kinds.pop()]
     if kind.stereo is None:
         raise no_pair(f"{left}: {kind.title}", "give")
-    try:
+    with located(str(left)):
         pair = kind.stereo([(data, str(path)) for (_, data), path in zip(found, paths, strict=True)])
-    except RcdnError as error:
-        raise error if isinstance(error, FormatError) else FormatError(f"{left}: {error}") from error
     if not is_rigid(pair.T_right_left):
         raise FormatError(f"{left}: the pose of the right camera is no rotation and translation; export it again")
     return pair

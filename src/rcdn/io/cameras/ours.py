@@ -10,10 +10,10 @@ from typing import Any, get_args
 
 import numpy as np
 
-from rcdn.errors import FormatError, RcdnError, shown
+from rcdn.errors import FormatError, shown
 from rcdn.io.cameras.base import Format, make_camera, pair_of, usable
 from rcdn.io.cameras.rig import Rectification, StereoCameras
-from rcdn.io.fields import numbers, read_json, rigid, take, two_whole_numbers
+from rcdn.io.fields import located, numbers, read_json, rigid, take, two_whole_numbers
 from rcdn.types import Camera, CameraModel, LensCorrection
 
 TITLE = "rcdn's JSON"
@@ -59,10 +59,8 @@ def _corrected(camera: Camera, record: dict[str, Any], where: str) -> Camera:
     where = f"{where}: correction"
     extent = numbers(found, "extent", where, finite=True, shape=(2,))
     control = numbers(found, "control", where, finite=True)
-    try:
+    with located(where):
         corrected = replace(camera, correction=LensCorrection(control, extent))
-    except RcdnError as error:
-        raise FormatError(f"{where}: {error}") from error
     return usable(corrected, where)
 
 
