@@ -185,7 +185,9 @@ def parameters(c: Calibration, facts: Facts) -> list[Reason]:
 def projections(c: Calibration, facts: Facts) -> list[Reason]:
     """Projection uncertainty, typical and in the corners of the frame."""
     factor = growth(c.camera.image_size)
-    rim = f"known only to ±{two_digits(facts.at_corners)} px" if np.isfinite(facts.at_corners) else "not known at all"
+    rim = "not known at all: the lens model has no rays there"
+    if np.isfinite(facts.at_corners):
+        rim = f"known only to ±{two_digits(facts.at_corners)} px"
     typical = two_digits(facts.typical)
     return [
         reason(
