@@ -22,6 +22,7 @@ RIG_SETS = {
     "sourishg-stereo1": "stereo1",
     "rig-caliscope, four videos": "caliscope",
 }
+PEOPLE = ("guided", "random", "coverage", "expert")
 FIGURES = ("step_permille", "span_permille", "step_scatter", "span_scatter", "rays_px", "board_px")
 
 
@@ -38,6 +39,19 @@ def test_selected_pictures(title):
 
 def test_every_row_of_selected_pictures_is_on_the_page():
     assert {r["set"] for r in rows("selected")} == set(SELECTED.values())
+
+
+@pytest.mark.parametrize("row", rows("guided"), ids=lambda r: f"{r['lens']}, {r['boards']}")
+def test_guided_people(row):
+    _, *counts, after, stated = cells(CALIBRATION.replace("\n  | ", "\n| "), f"{row['lens']}, {row['boards']}")
+    for target, cell in zip((0.1, 0.3), counts, strict=True):
+        for person, text in zip(PEOPLE, cell.split(", "), strict=True):
+            needed = row[f"{person}_to_{target}"]
+            assert text == "–" if needed == float("inf") else states(text, needed)
+    for person, text in zip(PEOPLE, after.split(", "), strict=True):
+        off = row[f"{person}_at_10"]
+        assert text == "–" if off == float("inf") else states(text, off)
+    assert states(stated, row["stated_by_true"])
 
 
 @pytest.mark.parametrize("title", RIG_SETS)
