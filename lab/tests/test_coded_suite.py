@@ -245,7 +245,7 @@ def test_a_folder_of_labelled_boards_is_an_alarm(folder):
 
 
 def test_legacy_and_columns_of_videos_are_judged():
-    target = Charuco(4, 5, "DICT_4X4_50", 0.75, inverted=True)
+    target = Charuco(4, 6, "DICT_4X4_50", 0.75, inverted=True)
     board = Labelled(np.arange(3), np.zeros((3, 2)), target)
     assert videos._is(target, board)
     assert not videos._is(target, replace(board, target=replace(target, legacy=True)))
