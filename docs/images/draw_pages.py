@@ -28,6 +28,15 @@ GREY, OURS, GREEN = "#eeeeee", "#cde6f7", "#d7efdc"
 INSTALLED = {"scipy": 143, "opencv": 153, "numpy": 73, "pip, setuptools": 24, "rcdn": 10, "all others": 21}
 """MB below site-packages after `pip install` of the wheel, Python 3.11, Linux x86-64: `du`,
 libraries with their package"""
+TRIED = {
+    "what stands": 0.048,
+    "symmetry over .35 × pitch": 0.056,
+    "symmetry over .25 × pitch": 0.062,
+    "surface fit alone": 0.078,
+    "mixed with the peak": 0.084,
+    "the paper's fit, up to": 0.11,
+}
+"""errors px of docs/log.md's first table"""
 PICTURES: dict[str, Callable[[], object]] = {}
 
 
@@ -43,16 +52,25 @@ def lines(x: float, y: float, *words: str, more: str = "text-anchor='start'") ->
     return "".join(text(x, y + 18 * k, word, more) for k, word in enumerate(words))
 
 
-def bar(y: float, name: str, length: float, words: str, fill: str = OURS) -> str:
-    """A bar with its name before it and words behind."""
-    shape = f"<rect x='150' y='{y:g}' width='{length:.1f}' height='20' fill='{fill}' stroke='#444'/>"
-    return text(140, y + 15, name, "text-anchor='end'") + shape + lines(158 + length, y + 15, words)
+def bar(y: float, name: str, length: float, words: str, fill: str = OURS, left: float = 150) -> str:
+    """A bar that begins at `left`, with its name before it and words behind."""
+    shape = f"<rect x='{left:g}' y='{y:g}' width='{length:.1f}' height='20' fill='{fill}' stroke='#444'/>"
+    return text(left - 10, y + 15, name, "text-anchor='end'") + shape + lines(left + 8 + length, y + 15, words)
 
 
 @picture
 def install() -> str:
     rows = [bar(10 + 28 * k, name, 2 * mb, f"{mb} MB") for k, (name, mb) in enumerate(INSTALLED.items())]
     return svg(540, 20 + 28 * len(rows), *rows)
+
+
+@picture
+def log() -> str:
+    rows = [
+        bar(10 + 28 * k, name, 2500 * error, f"{error:.3f} px".removeprefix("0"), OURS if not k else GREY, 220)
+        for k, (name, error) in enumerate(TRIED.items())
+    ]
+    return svg(580, 20 + 28 * len(rows), *rows)
 
 
 @picture
