@@ -28,8 +28,8 @@ ROUNDS = 20
 """most rounds of exchanges"""
 TRIED = 16
 """number of subsets that are calibrated"""
-SHAPE = 2.0
-"""of the gamma distribution of mean 1 from which the weights of the pictures' information are drawn"""
+GAMMA = 2.0
+"""shape of the gamma distribution of mean 1 from which the weights of the pictures' information are drawn"""
 
 
 def selected(
@@ -42,8 +42,9 @@ def selected(
     `solve` returns the calibration of the pictures of given names. Raises ConfigError unless `many` is at least 3, and
     the last RcdnError of `solve` if no subset determines a camera.
     """
-    best: tuple[float, tuple[str, ...], Calibration] | None = None
-    failure: RcdnError | None = None
+    best: tuple[tuple[str, ...], Calibration] | None = None
+    least = np.inf
+    failure: RcdnError = ConfigError("the calibration has no pictures to select from")
     for names in informative_subsets(calibration, many, TRIED):
         try:
             done = solve(names)
@@ -51,11 +52,11 @@ def selected(
         except RcdnError as error:
             failure = error
             continue
-        if best is None or off < best[0]:
-            best = off, names, done
+        if off < least:
+            least, best = off, (names, done)
     if best is None:
-        raise failure or ConfigError("the calibration has no pictures to select from")
-    return best[1:]
+        raise failure
+    return best
 
 
 def informative_subsets(calibration: Calibration, many: int, tries: int) -> tuple[tuple[str, ...], ...]:
@@ -73,7 +74,7 @@ def informative_subsets(calibration: Calibration, many: int, tries: int) -> tupl
     jacobian, there = unrotated_jacobian(calibration.camera, frame_grid(calibration.camera.image_size))
     rows = jacobian[there].reshape(-1, jacobian.shape[2])
     rng = np.random.default_rng(0)
-    weights = [np.ones(len(names)), *(rng.gamma(SHAPE, 1 / SHAPE, len(names)) for _ in range(tries - 1))]
+    weights = [np.ones(len(names)), *(rng.gamma(GAMMA, 1 / GAMMA, len(names)) for _ in range(tries - 1))]
     each = (weight[:, None, None] * information for weight in weights)
     subsets = (_exchanged(_greedy([], many, one, rows), one, rows) for one in each)
     return tuple(dict.fromkeys(tuple(names[k] for k in sorted(some)) for some in subsets))
