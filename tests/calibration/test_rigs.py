@@ -17,7 +17,7 @@ from rcdn.calibration.rig_start import Edge, averaged, components_of, tree
 from rcdn.errors import CalibrationError, ConfigError
 from rcdn.geometry import rotation
 from rcdn.io import read_rig, write_rig_calibration
-from rcdn.types import Reason
+from rcdn.types import Reason, Verdict
 from rcdn_lab.camera_scenes import SPACING
 from rcdn_lab.rig_scenes import chain, row
 
@@ -176,11 +176,28 @@ def test_the_terminal_says_once_what_several_cameras_have_in_common():
         "- a, b: Flat. Similarly c. Tilt it.",
         "- b: Few. Take more.",
     ]
+    near, far, other = (
+        Reason(f"{name}.key", level, name, value, 1.0, "", f"{name}: {value}.", "Tilt it.")
+        for name, level, value in (("a", "fair", 2.0), ("b", "fair", 5.0), ("c", "bad", 1.5))
+    )
+    assert _against([near, far], ("a", "b")) == ["- b: 5.0. Similarly a. Tilt it."]
+    assert _against([near, other, far], ("a", "b", "c")) == ["- c: 1.5. Similarly b, a. Tilt it."]
     many = [of("a", f"Fault {k}.", f"Mend {k}.") for k in range(8)]
     assert _against(many, ("a", "b"))[5:] == [
         "- a: Fault 5. Mend 5.",
         "- 2 other recommendations: see the report (--report)",
     ]
+
+
+def test_the_terminal_names_cameras_outside_the_rig(found):
+    """A camera that no board connects to the others is none of the rig's, and has findings, too."""
+    alone = {**found.cameras, "apart": next(iter(found.cameras.values()))}
+    some = [
+        Reason(f"{name}.key", "fair", name, value, 1.0, "", f"{name}: Flat, {value}.", "Tilt it.")
+        for name, value in (("c0", 5.0), ("apart", 2.0))
+    ]
+    lines = rig_lines(replace(found, cameras=alone, verdict=Verdict("fair", tuple(some))))
+    assert lines[-1] == "- c0: Flat, 5.0. Similarly apart. Tilt it."
 
 
 def test_cameras_of_one_make_get_one_lens_model_and_others_keep_theirs():

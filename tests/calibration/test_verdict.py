@@ -10,6 +10,7 @@ import pytest
 from rcdn.calibration import calibrate
 from rcdn.calibration.advice import judged, notes
 from rcdn.calibration.facts import measure, measure_board
+from rcdn.calibration.fit_checks import projections
 from rcdn.calibration.limits import LIMITS, STEREO_LIMITS, growth, reason
 from rcdn.calibration.verdict import fails, headline, judge, verdict_of
 from rcdn.calibration.view_checks import THIRDS
@@ -152,6 +153,16 @@ def test_a_lens_that_turns_back_inside_the_picture_is_said(good):
     assert "breaks down inside the picture" in found(folded, "reach").sentence
     assert found(folded, "reach").level in ("unsure", "bad")
     assert "another model (fisheye for a wide lens)" in found(folded, "reach").action
+
+
+def test_corners_without_a_ray_are_told_from_unknown_ones(good):
+    facts = measure(good)
+    sentences = [projections(good, replace(facts, at_corners=v))[1].sentence for v in (40.0, np.inf, np.nan)]
+    assert sentences == [
+        "Towards the corners of the picture projections are known only to ±40 px.",
+        "Towards the corners of the picture projections are not known at all: the lens model has no rays there.",
+        "Towards the corners of the picture projections are not known at all.",
+    ]
 
 
 def test_a_fisheye_is_not_told_to_become_one(good):

@@ -47,7 +47,12 @@ def part_of(board: Board, columns: int, rows: int) -> Board:
 
 
 def test_legacy_says_nothing_of_an_odd_number_of_rows():
-    """What is printed is the same."""
+    """What is printed beside the corners is the same, and so are the corners."""
+    image, _ = seen(charuco(8, 7, "DICT_5X5_100", 0.8), noise=1)
+    target = Charuco(8, 7, "DICT_5X5_100", 0.8)
+    one, two = (Detector(DetectorConfig(target=t)).boards(image)[0] for t in (target, replace(target, legacy=True)))
+    assert np.array_equal(one.xy, two.xy)
+    assert np.array_equal(one.ids, two.ids)
     assert Charuco(8, 7, "DICT_5X5_100", 0.8, legacy=True) == Charuco(8, 7, "DICT_5X5_100", 0.8)
     assert replace(Charuco(8, None, "DICT_5X5_100", 0.8, legacy=True), rows=7).legacy is False
     assert Charuco(8, 6, "DICT_5X5_100", 0.8, legacy=True) != Charuco(8, 6, "DICT_5X5_100", 0.8)

@@ -237,7 +237,7 @@ def rows_of(
     """The figures of each lens and kind of board, from `runs` people of each kind, by `workers` processes."""
     cells = list(product(LENSES, BOARDS))
     tasks = [Run(p, *cell, seed, most) for cell in cells for p in PEOPLE for seed in range(runs)]
-    found = dict(zip(tasks, share_out(errors_of, tasks, workers, _nothing, (), progress), strict=True))
+    found = dict(zip(tasks, share_out(errors_of, tasks, workers, progress=progress), strict=True))
     rows = []
     for cell in cells:
         curves = {}
@@ -247,10 +247,6 @@ def rows_of(
             curves[person] = Curve(np.array(some[0].counts), off, stated)
         rows.append({"lens": cell[0], "boards": cell[1], "runs": runs, **_figures(curves, most)})
     return rows
-
-
-def _nothing() -> None:
-    """A process needs no preparation."""
 
 
 def _figures(curves: dict[str, Curve], most: int) -> dict[str, float]:

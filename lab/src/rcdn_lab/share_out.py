@@ -17,16 +17,18 @@ def share_out(
     work: Callable[[Task], Result],
     tasks: Sequence[Task],
     workers: int,
-    start: Callable[..., None],
-    given: tuple[Any, ...],
+    start: Callable[..., None] | None = None,
+    given: tuple[Any, ...] = (),
     progress: Callable[[int, int], None] | None = None,
 ) -> Iterator[Result]:
-    """`work` on each of `tasks`, in their order, by `workers` processes; `start(*given)` is called first in each.
+    """`work` on each of `tasks`, in their order, by `workers` processes; `start(*given)`, if there is one, is called
+    first in each.
 
     With one worker everything is done in this process. `progress` is called with the number of tasks done and in total.
     """
     if workers == 1:
-        start(*given)
+        if start is not None:
+            start(*given)
         yield from _counted(map(work, tasks), len(tasks), progress)
         return
     with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), _start, (start, given)) as pool:
@@ -37,13 +39,14 @@ def share_out(
             raise
 
 
-def _start(start: Callable[..., None], given: tuple[Any, ...]) -> None:
+def _start(start: Callable[..., None] | None, given: tuple[Any, ...]) -> None:
     """Initialise a process. OpenCV gets one thread, because there is a process for each core."""
     import cv2
 
     end_with_parent()
     cv2.setNumThreads(1)
-    start(*given)
+    if start is not None:
+        start(*given)
 
 
 def _counted(results: Iterator[Result], total: int, progress: Callable[[int, int], None] | None) -> Iterator[Result]:

@@ -3,7 +3,8 @@ summary and output files."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from math import isnan
 from typing import TYPE_CHECKING
 
 from rcdn.batch.behind import seen_from_behind
@@ -142,7 +143,7 @@ def rig_lines(done: RigCalibration) -> list[str]:
         if done.shifts is not None
     ]
     lines += [_board_line(b) for b in done.fixed_boards if b.target != b.first]
-    return lines + _weakest(done) + _against(done.verdict.against, rig.names)
+    return lines + _weakest(done) + _against(done.verdict.against, done.cameras)
 
 
 def _board_line(board: FixedBoard) -> str:
@@ -166,15 +167,14 @@ def _weakest(done: RigCalibration) -> list[str]:
     return [f"  known least: {name}{film}"]
 
 
-def _against(reasons: Sequence[Reason], names: Sequence[str]) -> list[str]:
+def _against(reasons: Sequence[Reason], names: Collection[str]) -> list[str]:
     """A line for each of the first LISTED recommended actions: of each check the sentence of the camera with the worst
-    result, and the names of the other cameras with a result against them."""
-    actions: dict[str, dict[str, list[tuple[str, str]]]] = {}
+    result, and the names of the other cameras with a result against them. `names`: those of all cameras."""
+    actions: dict[str, dict[str, list[tuple[str, Reason]]]] = {}
     for found in reasons:
         camera, _, check = found.key.rpartition(".")
         name = camera if camera in names else ""
-        sentence = found.sentence.removeprefix(f"{name}: ")
-        actions.setdefault(found.action, {}).setdefault(check, []).append((name, sentence))
+        actions.setdefault(found.action, {}).setdefault(check, []).append((name, found))
     lines = [
         " ".join(["-", *(_worst(each) for each in checks.values()), action]).rstrip()
         for action, checks in actions.items()
@@ -184,12 +184,23 @@ def _against(reasons: Sequence[Reason], names: Sequence[str]) -> list[str]:
     return lines[:LISTED] + rest
 
 
-def _worst(results: Sequence[tuple[str, str]]) -> str:
-    """The first sentence of one check, after the names of the cameras that it is about, and those of other cameras."""
-    first = results[0][1]
-    same, others = ([name for name, text in results if name and (text == first) == alike] for alike in (True, False))
+def _worst(results: Sequence[tuple[str, Reason]]) -> str:
+    """The sentence of the worst of one check's results, after the names of the cameras that it is about, and the names
+    of the other cameras."""
+    ordered = sorted(results, key=lambda result: _severity(result[1]), reverse=True)
+    sentences = [(name, found.sentence.removeprefix(f"{name}: ")) for name, found in ordered]
+    first = sentences[0][1]
+    same, others = ([name for name, text in sentences if name and (text == first) == alike] for alike in (True, False))
     sentence = f"{', '.join(same)}: {first}" if same else first
     return f"{sentence} Similarly {', '.join(others)}." if others else sentence
+
+
+def _severity(found: Reason) -> tuple[int, float]:
+    """The level, then how far the value is beyond its limit; infinitely far without a value."""
+    from rcdn.types import LEVELS
+
+    beyond = abs(found.value - found.limit)
+    return LEVELS.index(found.level), float("inf") if isnan(beyond) else beyond
 
 
 def _spread(done: RigCalibration, k: int) -> str:

@@ -185,9 +185,9 @@ def parameters(c: Calibration, facts: Facts) -> list[Reason]:
 def projections(c: Calibration, facts: Facts) -> list[Reason]:
     """Projection uncertainty, typical and in the corners of the frame."""
     factor = growth(c.camera.image_size)
-    rim = "not known at all: the lens model has no rays there"
-    if np.isfinite(facts.at_corners):
-        rim = f"known only to ±{two_digits(facts.at_corners)} px"
+    rim = f"known only to ±{two_digits(facts.at_corners)} px"
+    if not np.isfinite(facts.at_corners):
+        rim = "not known at all" + ": the lens model has no rays there" * bool(np.isinf(facts.at_corners))
     typical = two_digits(facts.typical)
     return [
         reason(
