@@ -19,11 +19,12 @@ FORMATS = Path(__file__).parents[1] / "docs" / "formats.md"
 SIZE = (640, 480)
 
 
-def board(cols, rows, drop=(), shift=(0.0, 0.0), orientation="unique"):
+def board(cols, rows, drop=(), shift=(0.0, 0.0), orientation="unique", dark=None):
     """A board whose corner (i, j) is at (100 + 10 i, 50 + 10 j) + shift."""
     ij = np.array([(i, j) for j in range(rows) for i in range(cols) if (i, j) not in drop])
     n = len(ij)
-    return Board(ij * 10 + [100, 50] + np.array(shift), ij, SIZE, np.ones(n), np.zeros(n), orientation)
+    xy = ij * 10 + [100, 50] + np.array(shift)
+    return Board(xy, ij, SIZE, np.ones(n), np.zeros(n), orientation, origin_dark=dark)
 
 
 def result(path, *boards):
@@ -44,6 +45,7 @@ def same_results(a, b):
         same(getattr(a.corners, name), getattr(b.corners, name))
     for p, q in zip(a.boards, b.boards, strict=True):
         assert (p.image_size, p.orientation, p.size) == (q.image_size, q.orientation, q.size)
+        assert p.origin_dark is q.origin_dark
         for name in ("xy", "ij", "response", "status", "sigma"):
             same(getattr(p, name), getattr(q, name))
 
@@ -65,7 +67,13 @@ def results(draw):
         rng.exponential(size=n) if optional else None,
     )
     boards = [
-        board(draw(st.integers(2, 4)), draw(st.integers(2, 4)), drop={(1, 1)} if optional else (), shift=rng.random(2))
+        board(
+            draw(st.integers(2, 4)),
+            draw(st.integers(2, 4)),
+            drop={(1, 1)} if optional else (),
+            shift=rng.random(2),
+            dark=draw(st.sampled_from([None, True, False])),
+        )
         for _ in range(draw(st.integers(0, 2)))
     ]
     path = draw(st.text(min_size=1, max_size=8))
@@ -174,6 +182,7 @@ BOARD = ("images", 0, "boards", 0)
         (edit(*BOARD, "xy", value=[]), "one row a corner"),
         (edit(*BOARD, "ids", value=["one"]), "'ids' must hold numbers"),
         (edit(*BOARD, "orientation", value="upright"), "'orientation' must be one of unique"),
+        (edit(*BOARD, "origin_dark", value=1), "'origin_dark' must be true or false"),
     ],
 )
 def test_wrong_forms(tmp_path, change, words):

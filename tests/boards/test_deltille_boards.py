@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from rcdn.boards.deltille import find_deltilles
-from rcdn.boards.order import ordered
 from rcdn.config import DetectorConfig
 from rcdn.corners import find_maxima
 from rcdn.corners.six_sector import six_candidates
+from rcdn.geometry.order import ordered
 from rcdn.geometry.rules import TRIANGLES
 from rcdn.metrics import match
 from rcdn.synthetic import Background, BoardSpec, Cover, Light, Scene, Sensor, render, truth

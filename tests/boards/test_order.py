@@ -6,7 +6,7 @@ from board_scene import SIZE, View, right_handed, scene, turn, view
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rcdn.boards.order import ordered
+from rcdn.geometry.order import ordered
 from rcdn.geometry.rules import CHECKER, TAGS, TRIANGLES
 from rcdn.types import Board
 from rcdn.types.plane import plane_points
@@ -126,6 +126,17 @@ def test_a_part_follows_the_rule_for_its_box(without):
             assert found.orientation == "ambiguous_180"
             step = np.linalg.lstsq(np.column_stack([found.ij, np.ones(len(found))]), found.xy, rcond=None)[0][0]
             assert step[0] > abs(step[1])
+
+
+@pytest.mark.parametrize("size", [(8, 5), (6, 4), (7, 5), (5, 5), (4, 4)])
+@pytest.mark.parametrize("swap", [False, True])
+def test_the_colour_inside_the_origin_is_told(size, swap):
+    for roll in ROLLS:
+        shown = view(cols=size[0], rows=size[1], roll=roll, swap=swap)
+        (found,) = shown.found()
+        (part,) = shown.found(without=np.flatnonzero(shown.ij[:, 0] == 0))
+        for each in (found, part):
+            assert each.origin_dark is (colour_inside(shown, each) == -1)
 
 
 @settings(max_examples=40, deadline=None, derandomize=True)

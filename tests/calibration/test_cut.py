@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from rcdn.calibration import calibrate
-from rcdn.calibration.cut import cut_sides, cut_text, may_be_cut, whole_size
 from rcdn.geometry import project, rotation
+from rcdn.geometry.cut import cut_sides, cut_text, may_be_cut, whole_size
 from rcdn.terminal.camera_text import cut_lines
 from rcdn_lab.camera_scenes import CAMERAS, SIZE, SPACING, board, labels, random_boards
 

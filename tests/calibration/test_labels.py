@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from rcdn.calibration.labels import mirrored, settle, turn_labels
+from rcdn.calibration.labels import mirrored, settle
+from rcdn.geometry.order import turn_labels
 from rcdn.geometry.rules import CHECKER
 from rcdn.types import usual_size
-from rcdn_lab.camera_scenes import CAMERAS, board, labels, random_boards, random_pose, see
+from rcdn_lab.camera_scenes import CAMERAS, board, detected, labels, random_boards, random_pose, see
 
 
 def grid(cols, rows, drop=()):
@@ -92,3 +95,85 @@ def test_quarter_turns_of_labels_come_back_after_four_and_never_mirror(size):
         assert sorted(map(tuple, turned)) == sorted(map(tuple, labels(whole)))
         assert not mirrored(board(turned, xy, (640, 480)))
         assert np.array_equal(turn_labels(turned, whole, -turn % 4), ij)
+
+
+# ---- parts that the border cut
+
+
+def parts_of(size, model, many=40, seed=3):
+    """(board as detected, labels on the whole board of its corners, and of those half a turn away) of parts that the
+    picture's border left, by the whole board as it is labelled where it lies."""
+    rng, found = np.random.default_rng(seed), []
+    while len(found) < many:
+        T = random_pose(rng, spread=0.9, tilt=0.6, distance=(0.2, 0.4), size=size)
+        ij, xy = see(CAMERAS[model], T, size)
+        if len(ij) < 20 or sorted(np.ptp(ij, axis=0) + 1) == sorted(size):
+            continue
+        part = detected(ij, xy, (640, 480))
+        at = {tuple(p): label for p, label in zip(xy.tolist(), ij, strict=True)}
+        true = np.array([at[tuple(p)] for p in part.xy.tolist()])
+        found.append((part, true, np.array(size) - 1 - true))
+    return found
+
+
+@pytest.mark.parametrize("model", ["pinhole", "brown"])
+@pytest.mark.parametrize("size", [(9, 6), (8, 5), (8, 6), (9, 7)])
+def test_a_part_that_the_border_cut_gets_its_place(size, model):
+    """Never a wrong one. Of a board that looks the same after half a turn, one of both, as it lies."""
+    parts = parts_of(size, model)
+    placed = 0
+    for part, true, turned in parts:
+        (label,) = settle([part], size, strict=True, dark=True)
+        if not label.settled:
+            continue
+        placed += 1
+        right = np.array_equal(label.ij, true)
+        if CHECKER.orientation(*size) != "unique":
+            assert right or np.array_equal(label.ij, turned)
+            along = np.linalg.lstsq(np.column_stack([label.ij, np.ones(len(part))]), part.xy, rcond=None)[0][0, 0]
+            assert along > 0
+        else:
+            assert right
+    assert placed >= (0.65 if size == (8, 6) else 0.75) * len(parts)
+
+
+def cut_by_the_right_border(size=(9, 6), seen=6):
+    """The first `seen` columns of a board, the others being beyond the border."""
+    ij = labels((seen, size[1]))
+    return detected(ij, 40.0 * ij + [640 - 40 * seen + 20, 100], (640, 480))
+
+
+def test_colours_tell_which_half_turn_is_right():
+    part = cut_by_the_right_border()
+    assert part.orientation == "ambiguous_90"
+    (label,) = settle([part], (9, 6), strict=False)
+    assert label.settled
+    assert (label.ij - part.ij == 0).all()
+    (other,) = settle([replace(part, origin_dark=not part.origin_dark)], (9, 6), strict=False)
+    assert other.settled
+    assert sorted(map(tuple, other.ij.tolist())) == [(i, j) for i in range(3, 9) for j in range(6)]
+    (unknown,) = settle([replace(part, origin_dark=None)], (9, 6), strict=False)
+    assert not unknown.settled
+
+
+def test_a_part_without_one_place_stays_open():
+    part = cut_by_the_right_border()
+    inside = replace(part, xy=part.xy - [200, 0])  # both ends are seen: another board, or a cover
+    both = detected(labels((16, 6)), 40.0 * labels((16, 6)) + [20, 100], (640, 480))
+    covered = detected(*(a[~((part.ij >= 2) & (part.ij <= 3)).all(axis=1)] for a in (part.ij, part.xy)), (640, 480))
+    for each, size in ((inside, (9, 6)), (both, (20, 6)), (covered, (9, 6))):
+        (label,) = settle([each], size, strict=False)
+        assert not label.settled
+    (whole,) = settle([both], (16, 6), strict=False)
+    assert whole.settled
+
+
+def test_a_place_that_the_colours_contradict_is_refused():
+    """As if a column had been covered, at the end that seems to be the board's."""
+    ij = labels((6, 5))
+    part = detected(ij, 40.0 * ij + [640 - 40 * 6 + 20, 100], (640, 480))
+    assert part.orientation == "unique"
+    assert settle([part], (8, 5), strict=False, dark=True)[0].settled
+    covered = detected(ij + np.array([[1, 0]]), part.xy, (640, 480))
+    (label,) = settle([covered], (8, 5), strict=False, dark=True)
+    assert not label.settled or not np.array_equal(label.ij, ij)

@@ -10,9 +10,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rcdn.calibration import estimate_pose, estimate_rig_pose
-from rcdn.calibration.labels import turn_labels
 from rcdn.errors import CalibrationError, ConfigError
 from rcdn.geometry import rotation
+from rcdn.geometry.order import turn_labels
 from rcdn.types import Pose, Rig
 from rcdn_lab.camera_scenes import SIZE, SPACING, board, random_pose, see
 from rcdn_lab.rig_scenes import row

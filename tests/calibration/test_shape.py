@@ -10,6 +10,7 @@ import pytest
 
 from rcdn.calibration import calibrate, projection_uncertainty
 from rcdn.calibration.bundle import State
+from rcdn.calibration.difference import camera_difference
 from rcdn.calibration.shape import (
     FALLING,
     FUNCTIONS,
@@ -22,7 +23,7 @@ from rcdn.calibration.shape import (
 )
 from rcdn.errors import RcdnError
 from rcdn.types import BoardShape
-from rcdn_lab.camera_scenes import CAMERAS, SPACING, random_boards
+from rcdn_lab.camera_scenes import CAMERAS, SPACING, detected, random_boards, random_pose, see
 from rcdn_lab.real_boards import smooth_error, uneven_board
 
 BROWN = CAMERAS["brown"]
@@ -42,6 +43,21 @@ def both(kind, seed=5):
     return calibrate(boards, SPACING, model="brown"), calibrate(boards, SPACING, model="brown", flat=True)
 
 
+@cache
+def cut(seed):
+    """Errors of cameras, px RMS over the picture, from 16 views of an uneven board, most of them cut by the border:
+    (each part at its place on the board, parts anywhere)."""
+    rng, boards = np.random.default_rng(seed), []
+    while len(boards) < 16:
+        ij, xy = see(BROWN, random_pose(rng, 0.7, 0.7, (0.25, 0.4)), offsets=UNEVEN)
+        if len(ij) >= 24 and (len(ij) < 54 or len(boards) % 4 == 0):
+            boards.append(detected(ij, xy + rng.normal(0, 0.1, xy.shape), (640, 480), np.full(len(xy), 0.1)))
+    unknown = [replace(b, origin_dark=None, orientation="ambiguous_180") for b in boards]
+    found = [calibrate(some, SPACING, model="brown", size=SIZE) for some in (boards, unknown)]
+    assert [sum(v.settled for v in c.views) >= 14 for c in found] == [True, False]
+    return tuple(camera_difference(c.camera, BROWN).rms for c in found)
+
+
 def without_motion(offsets):
     """Offsets (N, 3) less the shift, turn, size and tilts in their mean slopes, to first order."""
     centred = all_labels(SIZE) - all_labels(SIZE).mean(axis=0)
@@ -51,6 +67,12 @@ def without_motion(offsets):
 
 
 # ---- calibrations
+
+
+def test_parts_that_the_border_cut_have_the_shape_of_their_place():
+    errors = np.array([cut(seed) for seed in range(3)])
+    assert np.median(errors[:, 0]) < 0.5 * np.median(errors[:, 1])
+    assert (errors[:, 0] < errors[:, 1]).all()
 
 
 def test_an_uneven_board_is_found_with_the_camera():

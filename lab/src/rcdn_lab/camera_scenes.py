@@ -8,6 +8,8 @@ import numpy as np
 
 from rcdn.geometry import project, rotation
 from rcdn.geometry.models import Brown
+from rcdn.geometry.order import colour_after, turn_of
+from rcdn.geometry.rules import CHECKER
 from rcdn.types import Array, Board, Camera
 
 SIZE, SPACING = (9, 6), 0.03
@@ -86,6 +88,19 @@ def see(camera: Camera, T: Array, size: tuple[int, int] = SIZE, offsets: Array |
 def board(ij: Array, xy: Array, image_size: tuple[int, int], sigma: Array | None = None) -> Board:
     """A board of these corners; its colours determine its labels."""
     return Board(xy, ij, image_size, np.ones(len(xy)), np.zeros(len(xy)), "unique", sigma)
+
+
+def detected(ij: Array, xy: Array, image_size: tuple[int, int], sigma: Array | None = None) -> Board:
+    """The board as a detector labels what it sees of it: relative to the visible part, by its colours or by how it
+    lies. The square inside the whole board's (0, 0) is dark."""
+    turn = turn_of(ij, xy, -1)
+    own = CHECKER.started(CHECKER.turned(ij, turn))
+    order = np.lexsort((own[:, 0], own[:, 1]))
+    cols, rows = (own.max(axis=0) + 1).tolist()
+    return Board(
+        xy[order], own[order], image_size, np.ones(len(xy)), np.zeros(len(xy)), CHECKER.orientation(cols, rows),
+        None if sigma is None else sigma[order], origin_dark=colour_after(ij, -1, turn) < 0,
+    )  # fmt: skip
 
 
 def random_boards(

@@ -22,7 +22,7 @@ from rcdn.calibration.guidance.progress import reach_of
 from rcdn.errors import CalibrationError
 from rcdn.geometry import rotation, unproject
 from rcdn.types import SQUARES, Array, Board, Calibration, Camera
-from rcdn_lab.camera_scenes import CAMERAS, SIZE, SPACING, board, random_pose, see
+from rcdn_lab.camera_scenes import CAMERAS, SIZE, SPACING, detected, random_pose, see
 from rcdn_lab.real_boards import uneven_board
 from rcdn_lab.repeatability import projection_deviation
 from rcdn_lab.share_out import share_out
@@ -76,7 +76,7 @@ class Scene:
         if len(ij) < FEWEST_SEEN:
             return None
         noisy = xy + rng.normal(0, NOISE, xy.shape)
-        return board(ij - ij.min(axis=0), noisy, self.camera.image_size, np.full(len(xy), NOISE))
+        return detected(ij, noisy, self.camera.image_size, np.full(len(xy), NOISE))
 
     def somewhere(self, rng: np.random.Generator) -> Board:
         """The board at a `random_pose` at which enough of it is visible."""

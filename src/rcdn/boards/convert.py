@@ -7,8 +7,8 @@ import numpy as np
 from rcdn.boards.graph import Field
 from rcdn.boards.grow import board_sign
 from rcdn.boards.local import Grid
-from rcdn.boards.order import ordered
 from rcdn.corners import Candidates
+from rcdn.geometry.order import colour_after, turn_of
 from rcdn.geometry.rules import CHECKER, Rule
 from rcdn.types import Array, Board, Status
 
@@ -50,10 +50,12 @@ def as_board(field: Field, candidates: Candidates, grid: Grid, rule: Rule = CHEC
     ij, index = grid.labels, grid.corners
     # the side colour of u at (0, 0) is the colour of the square towards +v, which lies between (0, 0) and (1, 1)
     sign = board_sign(field, grid) if sign is None else sign
-    ij = rule.started(ij) if rule.period > 1 else ordered(ij, grid.xy[index], sign, rule)
+    turn = 0 if rule.period > 1 else turn_of(ij, grid.xy[index], sign, rule)
+    dark = colour_after(ij, sign, turn) < 0 if sign and rule is CHECKER else None
+    ij = rule.started(rule.turned(ij, turn))
     cols, rows = (ij.max(axis=0) + 1).tolist()
     # without colours the orientation of squares is undecided
-    turn = rule.orientation(cols, rows) if sign or rule is not CHECKER else "ambiguous_180"
+    orientation = rule.orientation(cols, rows) if sign or rule is not CHECKER else "ambiguous_180"
     order = np.lexsort((ij[:, 0], ij[:, 1]))
     index, ij = index[order], ij[order]
     # filled corners have no entry in `field`; weak peaks have none in `candidates`
@@ -64,4 +66,6 @@ def as_board(field: Field, candidates: Candidates, grid: Grid, rule: Rule = CHEC
     own = candidates.all.status[index[known]]
     status[known] = np.where(~candidates.sure[index[known]] & (own == Status.REFINED), Status.COMPLETED, own)
     height, width = field.grey.shape
-    return Board(grid.xy[index], ij, (width, height), response, status, turn, pattern=rule.pattern)
+    return Board(
+        grid.xy[index], ij, (width, height), response, status, orientation, pattern=rule.pattern, origin_dark=dark
+    )

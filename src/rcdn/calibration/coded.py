@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 
 from rcdn.calibration.arguments import check_spacing
-from rcdn.calibration.cut import whole_size
 from rcdn.calibration.labels import Labelled, Size, fits, settle
 from rcdn.calibration.tag_gap import gap_of
 from rcdn.errors import CalibrationError, ConfigError, many, shown
+from rcdn.geometry.cut import whole_size
+from rcdn.geometry.part import origin_dark
 from rcdn.geometry.rules import CHECKER
 from rcdn.types import SQUARES, AprilGrid, Array, Board, Charuco, Orientation, Plane, PuzzleBoard, Target
 from rcdn.types.arrays import Real
@@ -29,13 +30,14 @@ UNREAD = "its codes were not read"
 class Geometry:
     """One printed target: its identity by its codes (`target`, None for plain boards), its `plane` with sides of
     `spacing` m, the label `first` that becomes (0, 0), and its `size` (columns, rows) in corners as far as it is
-    known."""
+    known; `origin_dark`: whether the square inside (0, 0) of the whole plain board is dark, None if unknown."""
 
     target: Target | None
     plane: Plane
     spacing: float
     size: Size | None
     first: Array
+    origin_dark: bool | None = None
 
     @property
     def orientation(self) -> Orientation | None:
@@ -96,7 +98,7 @@ class Geometries:
     def _uncoded(self, board: Board, strict: bool) -> Labelled:
         for each in (self.main, *self.plain):
             if each.target is None and each.plane == board.plane:
-                (label,) = settle([board], each.size, strict and each is self.main)
+                (label,) = settle([board], each.size, strict and each is self.main, each.origin_dark)
                 return replace(label, plane=each.plane, spacing=each.spacing, main=each is self.main)
         return self._unread(board)
 
@@ -239,7 +241,8 @@ def _plain(boards: Sequence[Board], sides: dict[str, float], size: Size | None) 
     for k, pattern in enumerate(patterns):
         mine = [b for b in boards if b.pattern == pattern]
         whole = (size if k == 0 else None) or whole_size(mine)
-        found.append(Geometry(None, Plane(pattern), sides[pattern], whole, np.zeros(2, int)))
+        dark = origin_dark((b.origin_dark for b in mine if b.size == whole), whole)
+        found.append(Geometry(None, Plane(pattern), sides[pattern], whole, np.zeros(2, int), dark))
     return found
 
 

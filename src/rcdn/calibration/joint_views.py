@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from rcdn.calibration.board_points import flat_points, has_shape
-from rcdn.calibration.labels import turn_labels
 from rcdn.calibration.robust import Fit
+from rcdn.geometry.order import turn_labels
 from rcdn.types import NOT_JUDGED, Array, BoardShape, BoardView, Calibration, Pose, Rig
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from rcdn.errors import a_board
 from rcdn.geometry import apply_homography, homography
-from rcdn.geometry.rules import CHECKER
+from rcdn.geometry.part import labels_of, origin_dark
 from rcdn.types import SQUARES, Array, Board, Plane, Target
 from rcdn.types.arrays import Real
 
@@ -42,28 +42,29 @@ class Labelled:
         return self.plane.points(self.ij) * self.spacing
 
 
-def settle(boards: Sequence[Board], size: Size | None, strict: bool) -> list[Labelled]:
+def settle(boards: Sequence[Board], size: Size | None, strict: bool, dark: bool | None = None) -> list[Labelled]:
     """Labels of each board on a whole board of `size` (columns, rows).
 
     A board whose bounding box has that size, holes included, is settled; if it has the transposed size, it is rotated
-    by a quarter turn that keeps the colour of the square inside (0, 0). A smaller one may be anywhere on the whole
-    board, and keeps its own labels. A board that cannot be part of the whole also keeps them, or is refused if `strict`
-    (the user gave the size).
+    by a quarter turn that keeps the colour of the square inside (0, 0). A smaller one is settled if the picture's
+    border cut it so that it has one place (`rcdn.geometry.part`); else it may be anywhere on the whole board, and keeps
+    its own labels. A board that cannot be part of the whole also keeps them, or is refused if `strict` (the user gave
+    the size). `dark`: whether the square inside the whole board's (0, 0) is dark, by default as `boards` say.
     """
-    return [_label(b, size, strict) for b in boards]
+    if dark is None:
+        dark = origin_dark((b.origin_dark for b in boards if b.size == size), size)
+    return [_label(b, size, strict, dark) for b in boards]
 
 
-def _label(board: Board, size: Size | None, strict: bool) -> Labelled:
+def _label(board: Board, size: Size | None, strict: bool, dark: bool | None) -> Labelled:
     if not len(board):
         return Labelled(board.ij, False)
     own = board.ij - board.ij.min(axis=0)
     if size is None or board.pattern != "checker":  # the extent of a deltille is unknown, and it has no quarter turns
         return Labelled(own, False)
-    if board.size == size:
-        return Labelled(own, True)
-    if board.size == size[::-1]:
-        # the quarter turn that keeps the colour of the square inside (0, 0), as in `Board.grid_of`
-        return Labelled(turn_labels(own, board.size, 1 if board.size[0] % 2 == 0 else 3), True)
+    whole = labels_of(board, size, dark)
+    if whole is not None:
+        return Labelled(whole, True)
     if strict and not fits(board.size, size):
         there = "{}×{}".format(*board.size)
         return Labelled(own, False, f"its {there} corners can't be part of {a_board(size)}")
@@ -73,17 +74,6 @@ def _label(board: Board, size: Size | None, strict: bool) -> Labelled:
 def fits(size: Size, whole: Size) -> bool:
     """True if a board of `size` may be part of one of size `whole`, upright or turned."""
     return all(a <= b for a, b in zip(sorted(size), sorted(whole), strict=True))
-
-
-def turn_labels(ij: Array, size: Size, turn: int) -> Real[Array, "n 2"]:
-    """Labels (N, 2) of a board of `size` after `turn` quarter turns."""
-    box = np.array([(0, 0), (size[0] - 1, size[1] - 1)])
-    return np.asarray(CHECKER.turned(ij, -turn) - CHECKER.turned(box, -turn).min(axis=0))
-
-
-def in_line(board: Board) -> bool:
-    """True if the corners, or their labels, lie in one line or point."""
-    return any(np.linalg.matrix_rank(a - a.mean(axis=0), tol=1e-6) < 2 for a in (board.xy, board.ij))
 
 
 def mirrored(board: Board) -> bool:

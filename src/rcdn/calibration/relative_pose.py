@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rcdn.calibration.labels import turn_labels
 from rcdn.errors import CalibrationError, many, present
+from rcdn.geometry.order import turn_labels
 from rcdn.types import Array, BoardView, Calibration
 from rcdn.types.arrays import Real
 

@@ -12,13 +12,13 @@ from rcdn.calibration import robust
 from rcdn.calibration.arguments import check_board, check_spacing
 from rcdn.calibration.bundle import Corners3, State, default_free, residuals
 from rcdn.calibration.coded import frame_of, identity
-from rcdn.calibration.labels import turn_labels
 from rcdn.calibration.pose import estimate_pose, pose_corners
 from rcdn.calibration.relative_pose import AGREE
 from rcdn.calibration.shape import KNOWN
 from rcdn.calibration.solver import BEHIND, Normal
 from rcdn.calibration.uncertainty import pose_covariance
 from rcdn.errors import CalibrationError, ConfigError
+from rcdn.geometry.order import turn_labels
 from rcdn.types import Array, Board, BoardShape, Rig, RigPoseEstimate
 from rcdn.types.arrays import Real
 

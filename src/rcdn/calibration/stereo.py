@@ -45,8 +45,8 @@ def calibrate_stereo(
 
     `left`, `right`: the cameras' boards, including partial ones and boards that only one camera saw (they help its
     lens). `pairs`: (index in `left`, index in `right`) of the same board at the same moment; default: equal indices.
-    Only complete boards (settled labels) determine the relative pose; for a symmetric board, the turn that agrees with
-    the other pairs is taken. `names` of the images; all else as in `calibrate`.
+    Only boards whose place on the whole board is known (settled labels) determine the relative pose; for a symmetric
+    board, the turn that agrees with the other pairs is taken. `names` of the images; all else as in `calibrate`.
 
     Starts from each camera's own calibration, then estimates lenses, board poses and relative pose jointly. Raises
     CalibrationError if the pairs do not agree on the relative pose; it says so if mirrored images would explain it.

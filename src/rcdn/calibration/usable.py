@@ -11,10 +11,11 @@ import numpy as np
 from rcdn.calibration.bundle import Corners3
 from rcdn.calibration.coded import Geometry
 from rcdn.calibration.groups import describe
-from rcdn.calibration.labels import Labelled, in_line, mirrored
+from rcdn.calibration.labels import Labelled, mirrored
 from rcdn.calibration.shape import FUNCTIONS, shape_basis
 from rcdn.calibration.start import Seen
 from rcdn.errors import CalibrationError, many
+from rcdn.geometry.cut import in_line
 from rcdn.types import Array, Board, BoardView, Pose
 from rcdn.types.arrays import Real
 
@@ -76,7 +77,7 @@ def _unusable(board: Board, label: Labelled, image_size: tuple[int, int]) -> str
         return label.reason
     if len(board) < FEWEST_CORNERS or min(board.size) < 2:
         return f"it has only {many(len(board), 'corner')} in {board.size[0]}×{board.size[1]}"
-    if in_line(board):
+    if in_line(board.ij, board.xy):
         return "its corners lie in one line"
     return (
         "its labels run the wrong way round: were pixels mirrored after the corners were found?"

@@ -177,6 +177,7 @@ def _board_record(board: Board) -> dict[str, Any]:
         "size": list(board.size),
         "complete": board.complete,
         "orientation": board.orientation,
+        "origin_dark": board.origin_dark,
         "response": _optional(board.response),
         "status": _names(board.status),
         "sigma": _optional(board.sigma),
@@ -235,9 +236,11 @@ def _board(record: Any, image_size: tuple[int, int], where: str) -> Board:
     with located(where):
         target = target_of(record["target"]) if "target" in record else None
         ids = numbers(record, "ids", where, finite=True) if "ids" in record else None
+        dark = take(record, "origin_dark", bool, where) if "origin_dark" in record else None
         board = Board(
-            ij=ij, image_size=image_size, orientation=orientation, pattern=pattern, target=target, ids=ids, **common
-        )
+            ij=ij, image_size=image_size, orientation=orientation, pattern=pattern, target=target, ids=ids,
+            origin_dark=dark, **common,
+        )  # fmt: skip
     if take(record, "size", list, where) != list(board.size) or take(record, "complete", bool, where) != board.complete:
         raise FormatError(f"{where}: 'size' and 'complete' must agree with 'ij', which gives {list(board.size)}")
     return board

@@ -120,4 +120,5 @@ def _relabelled(board: Board, reading: Reading, index: Int[Array, "r c"]) -> Boa
     return replace(
         board, xy=board.xy[order], ij=ij, response=board.response[order], status=board.status[order],
         sigma=pick(board.sigma), orientation="unique", target=target, ids=target.ids(ij),
+        origin_dark=None,
     )  # fmt: skip

@@ -102,7 +102,7 @@ def left_out_lines(calibration: Calibration) -> list[str]:
 def cut_lines(calibration: Calibration) -> list[str]:
     """Lines about apparently complete boards that are cut off by the picture's border: the visible part, and the names
     of the pictures."""
-    from rcdn.calibration.cut import cut_text
+    from rcdn.geometry.cut import cut_text
 
     if calibration.size is None:
         return []

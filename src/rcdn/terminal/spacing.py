@@ -114,7 +114,7 @@ def check_spacing(spacing: Length | Lengths, sizes: Mapping[str, tuple[int, int]
 def sizes_of(boards: Sequence[Board], plain: tuple[int, int] | None = None) -> dict[str, tuple[int, int] | None]:
     """(columns, rows) by kind of board, for `check_spacing`; for boards without codes the size `plain`, if given."""
     from rcdn.calibration.coded import kind_of
-    from rcdn.calibration.cut import whole_size
+    from rcdn.geometry.cut import whole_size
 
     kinds = {kind_of(b) for b in boards}
     sizes = {kind: whole_size([b for b in boards if kind_of(b) == kind]) for kind in kinds}

@@ -105,6 +105,8 @@ class Board(Value):
     triangle, 60° apart, and the extent of the board is unknown, so that it is never `complete`; for an `aprilgrid` they
     count the tags' corners, two per tag. `target`, `ids` (M,): the coded target that was read, and the corners' numbers
     as counted by that target's own tools; `ij` is then the position on the target. Both are None for a plain board.
+    `origin_dark`: whether the square inside (0, 0), the one between (0, 0) and (1, 1), is dark; None if unknown, and
+    for other boards than plain ones of squares.
     """
 
     xy: Array
@@ -117,6 +119,7 @@ class Board(Value):
     pattern: Pattern = "checker"
     target: Target | None = None
     ids: Array | None = None
+    origin_dark: bool | None = None
 
     def __post_init__(self) -> None:
         for name, known in (("orientation", get_args(Orientation)), ("pattern", get_args(Pattern))):
@@ -130,6 +133,8 @@ class Board(Value):
             freeze(self, "sigma", self.sigma, np.float64, ())
         if self.ids is not None:
             freeze(self, "ids", self.ids, np.int64, ())
+        if not isinstance(self.origin_dark, bool | None):
+            raise RcdnError(f"Board.origin_dark must be True, False or None, not {shown(self.origin_dark)}")
         if (self.ids is None) != (self.target is None) or (self.ids is not None and len(self.ids) != len(self.xy)):
             raise RcdnError("Board.ids must have one row a corner, and come with a target")
         if not len(self.xy) == len(self.ij) == len(self.response) == len(self.status):

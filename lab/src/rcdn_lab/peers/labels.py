@@ -6,7 +6,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from rcdn.boards.order import ordered
+from rcdn.geometry.order import ordered
 from rcdn.types import Array
 from rcdn_lab.peers.base import Grid
 

@@ -14,11 +14,12 @@ import numpy as np
 
 from rcdn.calibration.bundle import Corners3, Prior, State, default_free, residuals
 from rcdn.calibration.coded import Geometries, Spacing
-from rcdn.calibration.labels import Labelled, Size, in_line
+from rcdn.calibration.labels import Labelled, Size
 from rcdn.calibration.solver import Normal, solve
 from rcdn.calibration.start import Seen, poses
 from rcdn.calibration.uncertainty import Clustered, covariance
 from rcdn.calibration.usable import FEWEST_CORNERS, board_view, sigma_of
+from rcdn.geometry.cut import in_line
 from rcdn.types import Array, Board, Calibration, Camera, CameraModel, ModelScore, Pose
 
 MODELS: tuple[tuple[CameraModel, int], ...] = (("brown", 5), ("fisheye", 4))
@@ -96,7 +97,7 @@ def _seen(boards: Sequence[Board], spacing: Spacing, size: Size | None) -> tuple
     kept = [
         k
         for k, (b, label) in enumerate(zip(boards, every, strict=True))
-        if not label.reason and len(b) >= FEWEST_CORNERS and not in_line(b)
+        if not label.reason and len(b) >= FEWEST_CORNERS and not in_line(b.ij, b.xy)
     ]
     return [Seen(every[k].places, boards[k].xy) for k in kept], [every[k] for k in kept], kept
 

@@ -9,7 +9,7 @@ import numpy as np
 from rcdn.geometry.matrices import affine
 from rcdn.geometry.rules import CHECKER, Rule
 from rcdn.types import Array
-from rcdn.types.arrays import Int
+from rcdn.types.arrays import Int, Real
 
 
 def ordered(ij: Array, xy: Array, colour: int, rule: Rule = CHECKER) -> Int[Array, "m 2"]:
@@ -21,9 +21,27 @@ def ordered(ij: Array, xy: Array, colour: int, rule: Rule = CHECKER) -> Int[Arra
     side, and the square inside the origin is dark, so that the same printed corner has the same label from every
     viewpoint.
     """
+    return rule.started(rule.turned(ij, turn_of(ij, xy, colour, rule)))
+
+
+def turn_of(ij: Array, xy: Array, colour: int, rule: Rule = CHECKER) -> int:
+    """The turn after which labels `ij` obey the contract, for the arguments of `ordered`."""
     turns = _admitted_turns(ij, colour, rule)
-    turn = turns[0] if len(turns) == 1 else max(turns, key=lambda k: _rightward(rule.turned(ij, k), xy))
-    return rule.started(rule.turned(ij, turn))
+    return turns[0] if len(turns) == 1 else max(turns, key=lambda k: rightward(rule.turned(ij, k), xy))
+
+
+def turn_labels(ij: Array, size: tuple[int, int], turn: int) -> Real[Array, "n 2"]:
+    """Labels (N, 2) of a board of `size` after `turn` quarter turns."""
+    box = np.array([(0, 0), (size[0] - 1, size[1] - 1)])
+    return np.asarray(CHECKER.turned(ij, -turn) - CHECKER.turned(box, -turn).min(axis=0))
+
+
+def colour_after(ij: Array, colour: int, turn: int) -> int:
+    """The colour of the square inside (0, 0), of labels that are `ij` (M, 2) of a board of squares after `turn` turns,
+    the smallest then 0; `colour` as in `ordered`."""
+    (left, upper), (right, lower) = ij.min(axis=0).tolist(), ij.max(axis=0).tolist()
+    squares = [(left, upper), (left, lower - 1), (right - 1, lower - 1), (right - 1, upper)]
+    return colour * (-1) ** int(sum(squares[turn % 4]))
 
 
 def _admitted_turns(ij: Array, colour: int, rule: Rule) -> Sequence[int]:
@@ -34,14 +52,13 @@ def _admitted_turns(ij: Array, colour: int, rule: Rule) -> Sequence[int]:
     low, high = ij.min(axis=0).tolist(), ij.max(axis=0).tolist()
     cols, rows = high[0] - low[0] + 1, high[1] - low[1] + 1
     if rule.orientation(cols, rows) == "unique":
-        squares = [(low[0], low[1]), (low[0], high[1] - 1), (high[0] - 1, high[1] - 1), (high[0] - 1, low[1])]
         for k in every[int(cols < rows) :: 2]:  # columns run along the longer side
-            if colour * (-1) ** sum(squares[k]) < 0:  # the square inside the origin
+            if colour_after(ij, colour, k) < 0:
                 return [k]
     return every
 
 
-def _rightward(ij: Array, xy: Array) -> float:
+def rightward(ij: Array, xy: Array) -> float:
     """Cosine of the angle between the i axis and +x."""
     step = affine(ij, xy)[:, 0]
     return float(step[0] / max(np.linalg.norm(step, axis=0), 1e-12))
