@@ -41,7 +41,8 @@ class NextView:
     `nearer`: the edge or corner, as seen in the picture, that is nearer. `before`, `after` px: the worst projection
     uncertainty over the frame now, and the predicted one with that view; `gain`, by which the view was chosen: the
     predicted decrease of the logarithm of the uncertainty's mean over the frame, a mean of high power
-    (`added_view.NORM`).
+    (`added_view.NORM`). `upright`: whether the board's columns are wanted to run to the right in the picture; None:
+    either way up.
     """
 
     pose: Pose
@@ -55,6 +56,7 @@ class NextView:
     before: float
     after: float
     gain: float
+    upright: bool | None = None
 
     @property
     def worth_saying(self) -> bool:

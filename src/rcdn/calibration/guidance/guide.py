@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from rcdn.calibration.guidance import gates
 from rcdn.calibration.guidance.hints import Held, hint
 from rcdn.calibration.guidance.progress import Known, Plan, Progress, Wish, learned, planned
 from rcdn.calibration.guidance.quality import quality
+from rcdn.calibration.guidance.way_up import TURN, upright
 from rcdn.calibration.labels import Size
 from rcdn.calibration.next_view import NextView, distances_of
 from rcdn.calibration.outlines import distances, outline
@@ -34,6 +35,8 @@ ENOUGH = 0.7
 """share of the wanted view's gain (`NextView.gain`) above which any view is taken"""
 OFF = 0.25
 """share of the board's size in the picture: an outline that deviates by as much has an agreement of 0"""
+PATIENCE = 30.0
+"""s; a board that was not turned upside down in that time will not be"""
 BEYOND = 1.1
 """× (÷) the distance at which a still board is too near (too far) to be sharp: least (greatest) distance of wanted
 poses afterwards, but none at which a board was sharp is left out"""
@@ -89,6 +92,8 @@ class Guide:
         self._boards: dict[str, Board] = {}
         self._stillness = gates.Stillness()
         self._sharp = (0.0, float("inf"))
+        self._turns = True
+        self._asked: float | None = None
         self._plan = planned(self._wish, learned(self._wish, [], [], self._given, SQUARES))
 
     @property
@@ -140,12 +145,29 @@ class Guide:
         if wanted is None or now is None:
             return Look(refused, state.progress.sentence or "Hold the whole board in the picture.")
         fit, gain = _fit(board, wanted, state), now.gain
+        if self._other_way(board, wanted, time):
+            return Look(refused, TURN, False, fit, gain, None)
         worth = gain >= ENOUGH or (fit >= FIT and gain > 0)
         sentence = (
             "Hold still." if worth else hint(now.held, _held_as_wanted(wanted, state), state.known.calibration.camera)
         )
         arrow = np.stack([now.held.middle, wanted.middle])
         return Look(refused, sentence or state.progress.sentence, not refused and worth, fit, gain, arrow)
+
+    def _other_way(self, board: Board, wanted: NextView, time: float) -> bool:
+        """Whether the board must be turned upside down first. A person who does not within PATIENCE cannot, and is not
+        asked again."""
+        way = upright(board, self._plan.known.size)
+        if not self._turns or None in (way, wanted.upright) or way == wanted.upright:
+            self._asked = None
+            return False
+        self._asked = time if self._asked is None else self._asked
+        if time - self._asked < PATIENCE or self._writing.locked():
+            return True
+        with self._writing:
+            self._turns = False
+            self._plan = self._planned(self._plan.known)
+        return False
 
     def _poor(self, board: Board, now: _Now | None, grey: Array | None) -> str:
         """Blur and exposure of a board that is still; if it is blurred and nearer or farther than all sharp ones, it is
@@ -199,6 +221,8 @@ class Guide:
         return self._plan.progress
 
     def _planned(self, known: Known) -> Plan:
+        if not self._turns:
+            known = replace(known, way=None, turn=False)
         return planned(self._wish, known, self._sharp)
 
 

@@ -13,6 +13,7 @@ from rcdn.calibration.calibrate import calibrate
 from rcdn.calibration.candidates import GRID, frame_grid
 from rcdn.calibration.coded import Spacing
 from rcdn.calibration.guidance.first_guess import first_guess
+from rcdn.calibration.guidance.way_up import TURN, held_up, next_way, upright
 from rcdn.calibration.labels import Size
 from rcdn.calibration.next_view import NextView, next_view, place_and_tilt
 from rcdn.calibration.uncertainty import projection_uncertainty
@@ -62,13 +63,16 @@ class Progress:
 class Known:
     """The current estimate: `found`, the calibration from the accepted pictures, None until they determine a camera;
     `guess`, the provisional one until then; the pictures' `names`; the board's `size` (columns, rows) in corners, None
-    until it was seen whole, and the `plane` of its labels."""
+    until it was seen whole, and the `plane` of its labels; `way`: which way up the next picture is wanted, None:
+    either, and `turn`: whether the board must be turned for it (`way_up.next_way`)."""
 
     found: Calibration | None
     guess: Calibration | None
     names: tuple[str, ...]
     size: Size | None
     plane: Plane
+    way: bool | None = None
+    turn: bool = False
 
     @property
     def calibration(self) -> Calibration:
@@ -100,7 +104,7 @@ def learned(wish: Wish, boards: Sequence[Board], names: Sequence[str], size: Siz
     """The estimate from the accepted `boards`."""
     found = _calibrated(wish, boards, names, size)
     guess = None if found else first_guess(wish.image_size, boards, names, wish.spacing, size)
-    return Known(found, guess, tuple(names), size, plane)
+    return Known(found, guess, tuple(names), size, plane, *next_way(upright(board, size) for board in boards))
 
 
 def planned(wish: Wish, known: Known, sharp: tuple[float, float] = (0.0, np.inf)) -> Plan:
@@ -111,6 +115,7 @@ def planned(wish: Wish, known: Known, sharp: tuple[float, float] = (0.0, np.inf)
         distances = np.clip(reach_of(best.camera, known.size, known.plane, best.spacing), *sharp)
         size = _along(known.size, wish.image_size)
         wanted = next_view(best, distances=np.unique(distances), size=size, plane=known.plane)
+        wanted = None if wanted is None else held_up(wanted, known.way, known.plane, best.spacing)
     return Plan(_progress(wish, known, wanted), known, Forecast.of(best))
 
 
@@ -146,9 +151,7 @@ def _calibrated(wish: Wish, boards: Sequence[Board], names: Sequence[str], size:
 def _progress(wish: Wish, known: Known, wanted: NextView | None) -> Progress:
     found, names = known.found, known.names
     if found is None:
-        sentence = (
-            "Hold the board in front of the camera." if wanted is None else place_and_tilt(wanted, wish.image_size)
-        )
+        sentence = _where(wish, known, wanted) or "Hold the board in front of the camera."
         return Progress(names, None, wanted, float("inf"), None, wish.target, False, False, sentence)
     values = projection_uncertainty(found, frame_grid(wish.image_size)).reshape(GRID[1], GRID[0])
     worst = float(np.nanmax(values)) if np.isfinite(values).any() else float("inf")
@@ -159,8 +162,15 @@ def _progress(wish: Wish, known: Known, wanted: NextView | None) -> Progress:
     elif why:
         sentence = why
     else:
-        sentence = "" if wanted is None else place_and_tilt(wanted, wish.image_size)
+        sentence = _where(wish, known, wanted)
     return Progress(names, found, wanted, worst, values, wish.target, done, bool(why), sentence)
+
+
+def _where(wish: Wish, known: Known, wanted: NextView | None) -> str:
+    """The instruction in words: where to hold the board, and whether to turn it first."""
+    if wanted is None:
+        return ""
+    return f"{TURN} " * known.turn + place_and_tilt(wanted, wish.image_size)
 
 
 def hopeless(verdict: Verdict | None, n: int, worst: float, target: float) -> str:
