@@ -14,6 +14,7 @@ from typing import Literal
 
 import numpy as np
 
+from rcdn.calibration.view_facts import STEEP, tilt_vectors
 from rcdn.types import Array, Calibration
 from rcdn.types.arrays import Real
 
@@ -99,14 +100,11 @@ def deviations(calibration: Calibration) -> Real[Array, " 4"]:
 def tilt(calibration: Calibration) -> tuple[float, float]:
     """Tilt of the boards against the sensor, degrees: its 90 % quantile, and its RMS along the direction in which it is
     smallest."""
-    normals = np.array([v.pose.R[:, 2] * np.sign(v.pose.R[2, 2]) for v in calibration.used_views if v.pose is not None])
-    if not len(normals):
+    angles = tilt_vectors(calibration.used_views)
+    if not len(angles):
         return float("nan"), float("nan")
-    angle = np.degrees(np.arccos(np.clip(normals[:, 2], -1, 1)))
-    length = np.maximum(np.hypot(normals[:, 0], normals[:, 1]), 1e-12)
-    sideways = normals[:, :2] / length[:, None] * angle[:, None]
-    least = np.linalg.eigvalsh(sideways.T @ sideways / len(sideways))[0]
-    return float(np.quantile(angle, 0.9)), float(np.sqrt(max(least, 0.0)))
+    least = np.linalg.eigvalsh(angles.T @ angles / len(angles))[0]
+    return float(np.quantile(np.hypot(*angles.T), STEEP)), float(np.sqrt(max(least, 0.0)))
 
 
 def _cause(calibration: Calibration) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,25 +40,30 @@ def measure_views(calibration: Calibration) -> ViewFacts:
     return ViewFacts(len(views), len(set(places(calibration, views).tolist())), tilt, tilt_spread(views))
 
 
+def tilt_vectors(views: Iterable[BoardView]) -> Real[Array, "v 2"]:
+    """(V, 2) degrees: the angle between board and sensor of each view with a pose, in the direction (x, y) of the
+    picture in which the board's normal leans."""
+    R = np.array([v.pose.R for v in views if v.pose is not None]).reshape(-1, 3, 3)
+    normals = R[:, :, 2] * np.where(R[:, 2:, 2] < 0, -1.0, 1.0)
+    angle = np.degrees(np.arccos(np.clip(normals[:, 2:], -1, 1)))
+    return normals[:, :2] * (angle / np.maximum(np.hypot(*normals[:, :2].T), 1e-12)[:, None])
+
+
 def tilts(calibration: Calibration) -> Real[Array, " v"]:
     """(V,) angle between each used board and the sensor, degrees."""
-    normals = np.array([v.pose.R[2, 2] for v in calibration.used_views if v.pose is not None])
-    return np.degrees(np.arccos(np.clip(np.abs(normals), 0, 1)))
+    return np.hypot(*tilt_vectors(calibration.used_views).T)
 
 
-def tilt_spread(views: list[BoardView]) -> float:
+def tilt_spread(views: Iterable[BoardView]) -> float:
     """Standard deviation of the directions of the boards' normals, degrees, along the direction in which they vary
     least.
 
     Zero if all boards are tilted about one axis, by whatever angle, or all by the same angle: focal length and
     principal point can then compensate each other.
     """
-    normals = np.array([v.pose.R[:, 2] * np.sign(v.pose.R[2, 2] or 1.0) for v in views if v.pose is not None])
-    angles = normals[:, :2] * (
-        np.arccos(np.clip(normals[:, 2:], -1, 1)) / np.maximum(np.hypot(*normals[:, :2].T), 1e-12)[:, None]
-    )
+    angles = tilt_vectors(views)
     least = np.linalg.eigvalsh(np.cov(angles.T, bias=True))[0] if len(angles) > 1 else 0.0
-    return float(np.degrees(np.sqrt(max(least, 0.0))))
+    return float(np.sqrt(max(least, 0.0)))
 
 
 def places(calibration: Calibration, views: list[BoardView]) -> Real[Array, " v"]:
