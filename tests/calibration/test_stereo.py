@@ -15,7 +15,7 @@ from rcdn.calibration.relative_pose import reversed_in_a_mirror, turn_labels
 from rcdn.errors import CalibrationError, ConfigError
 from rcdn.geometry import rotation, unproject
 from rcdn.terminal.camera_text import swapped_hint
-from rcdn_lab.camera_scenes import CAMERAS, SPACING, board, random_pose, see
+from rcdn_lab.camera_scenes import CAMERAS, SPACING, board, detected, random_pose, see
 
 T_RIGHT_LEFT = np.eye(4)
 T_RIGHT_LEFT[:3, :3], T_RIGHT_LEFT[:3, 3] = rotation(np.array([0.02, -0.15, 0.03])), [-0.12, 0.004, 0.01]
@@ -70,6 +70,30 @@ def test_two_lens_models():
 def pair():
     left, right = pairs(PINHOLE, PINHOLE, 3, 10)
     return left, right, calibrate_stereo(left, right, SPACING, model="pinhole")
+
+
+def test_boards_that_the_border_cuts_are_pairs():
+    """Near boards, each of which one of the cameras sees in part; only four are whole in both pictures."""
+    rng, sides = np.random.default_rng(6), ([], [])
+    while len(sides[0]) < 16:
+        T = random_pose(rng, 0.5, 0.6, (0.25, 0.45))
+        seen = [see(PINHOLE, T), see(PINHOLE, T_RIGHT_LEFT @ T)]
+        whole = [len(ij) == 54 for ij, _ in seen]
+        if min(len(ij) for ij, _ in seen) < 24 or all(whole) != (len(sides[0]) < 4):
+            continue
+        for side, (ij, xy) in zip(sides, seen, strict=True):
+            noisy = xy + rng.normal(0, 0.2, xy.shape)
+            side.append(detected(ij, noisy, PINHOLE.image_size, np.full(len(xy), 0.2)))
+    bare = [[replace(b, origin_dark=None) for b in side] for side in sides]
+    found, without = (calibrate_stereo(*some, SPACING, model="pinhole") for some in (sides, bare))
+    shared = [
+        sum(v.settled and w.settled for v, w in zip(c.left.used_views, c.right.used_views, strict=True))
+        for c in (found, without)
+    ]
+    assert shared[0] >= 12
+    assert shared[1] < 0.7 * shared[0]
+    assert holds(found)
+    assert (np.diag(found.cov)[3:] < 0.5 * np.diag(without.cov)[3:]).all()
 
 
 def rectified(camera, R, P, xy):
