@@ -7,6 +7,8 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import PurePath
 
+from rcdn.io.finding import natural
+
 FEWEST = 3
 """least number of pictures in a group"""
 MOST = 4
@@ -46,11 +48,7 @@ def _partition(keys: Sequence[str]) -> Partition | None:
 
 def natural_order(names: Sequence[str]) -> list[int]:
     """Indices of `names` in numerical order: `a2` before `a10`."""
-
-    def key(k: int) -> list[tuple[int, int, str]]:
-        return [(0, int(p), "") if p.isdecimal() else (1, 0, p) for p in re.split(r"(\d+)", names[k])]
-
-    return sorted(range(len(names)), key=key)
+    return sorted(range(len(names)), key=lambda k: natural(names[k]))
 
 
 def describe(names: Sequence[str], others: Sequence[str]) -> str:
