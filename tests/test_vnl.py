@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from rcdn.errors import FormatError
 from rcdn.io import ImageResult, read_vnl, read_vnl_boards, write_image, write_vnl
 from rcdn.types import AprilGrid, Board, Charuco, Corners, PuzzleBoard, Status
-from rcdn_lab.camera_scenes import detected
 
 SIZE = (640, 480)
 
@@ -228,17 +227,6 @@ def test_plain_boards_stand_where_they_are_most(tmp_path):
     images = [*(result(f"p{k}", tilted(6, 4, seed=k)) for k in range(3)), result("a", part(CHARUCO, 4, 3))]
     assert write_vnl(tmp_path / "c.vnl", images) == (6, 4)
     assert [len(found) for found in places(tmp_path / "c.vnl", (6, 4)).values()] == [24, 24, 24, 0]
-
-
-def test_a_plain_board_that_the_border_cut_stands_at_its_place(tmp_path):
-    ij = np.array([(i, j) for j in range(6) for i in range(6)])
-    cut = detected(ij + np.array([[3, 0]]), 40.0 * ij + [20, 100], SIZE)
-    images = [result("whole", tilted(9, 6)), result("cut", cut), result("bare", replace(cut, origin_dark=None))]
-    assert write_vnl(tmp_path / "c.vnl", images, (9, 6)) == (9, 6)
-    found = places(tmp_path / "c.vnl", (9, 6))
-    assert found["cut"] == {(i + 3, j): (40.0 * i + 20, 40.0 * j + 100) for i, j in ij.tolist()}
-    assert len(found["whole"]) == 54
-    assert not found["bare"]
 
 
 def test_an_aprilgrid_is_no_grid_of_equal_steps(tmp_path):

@@ -10,7 +10,7 @@ from rcdn.adapters import views
 from rcdn.errors import ConfigError
 from rcdn.geometry import project
 from rcdn.types import Board, Checkerboard, Deltille, Printed
-from rcdn_lab.camera_scenes import CAMERAS, detected, labels
+from rcdn_lab.camera_scenes import CAMERAS
 
 
 def plain(columns, rows, drop=(), turn=False):
@@ -41,17 +41,6 @@ def test_whole_plain_boards_are_numbered_row_by_row():
 
 def test_a_part_of_a_plain_board_is_no_view_of_it():
     assert views([[plain(8, 6)], [plain(9, 5)], [plain(10, 7)]], NINE_BY_SIX) == []
-
-
-def test_a_part_that_the_border_cut_has_the_numbers_of_its_place():
-    """The last six columns of the board; its colours tell that they aren't the first ones."""
-    ij = labels((6, 6))
-    part = detected(ij + np.array([[3, 0]]), 40.0 * ij + [20, 100], (640, 480))
-    for several_cameras in (False, True):
-        (view,) = views([[part], [replace(part, origin_dark=None)]], NINE_BY_SIX, several_cameras)
-        assert view.picture == 0
-        assert np.array_equal(view.ids, [9 * j + i for j in range(6) for i in range(3, 9)])
-        np.testing.assert_allclose(view.xy, 40.0 * (NINE_BY_SIX.points(view.ids) / 0.02 - [3, 0]) + [20, 100])
 
 
 def test_a_turned_board_keeps_its_places():

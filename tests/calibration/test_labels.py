@@ -7,11 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rcdn.calibration.coded import Geometries
 from rcdn.calibration.labels import mirrored, settle
+from rcdn.geometry import project
+from rcdn.geometry.matrices import affine
 from rcdn.geometry.order import turn_labels
 from rcdn.geometry.rules import CHECKER
 from rcdn.types import usual_size
-from rcdn_lab.camera_scenes import CAMERAS, board, detected, labels, random_boards, random_pose, see
+from rcdn_lab.camera_scenes import CAMERAS, SPACING, board, detected, labels, random_boards, random_pose, see
 
 
 def grid(cols, rows, drop=()):
@@ -101,39 +104,38 @@ def test_quarter_turns_of_labels_come_back_after_four_and_never_mirror(size):
 
 
 def parts_of(size, model, many=40, seed=3):
-    """(board as detected, labels on the whole board of its corners, and of those half a turn away) of parts that the
-    picture's border left, by the whole board as it is labelled where it lies."""
+    """(board as detected, labels of its corners on the whole board as that would be labelled where it lies) of parts
+    that the picture's border left."""
     rng, found = np.random.default_rng(seed), []
     while len(found) < many:
         T = random_pose(rng, spread=0.9, tilt=0.6, distance=(0.2, 0.4), size=size)
         ij, xy = see(CAMERAS[model], T, size)
         if len(ij) < 20 or sorted(np.ptp(ij, axis=0) + 1) == sorted(size):
             continue
+        on_board = np.column_stack([labels(size) * SPACING, 0 * labels(size)[:, 0]])
+        every = project(CAMERAS[model], on_board @ T[:3, :3].T + T[:3, 3])
+        whole = detected(labels(size), every, (640, 480))
+        (label,) = settle([whole], size, strict=True)
+        at = {tuple(p): label for p, label in zip(whole.xy.round(6).tolist(), label.ij, strict=True)}
         part = detected(ij, xy, (640, 480))
-        at = {tuple(p): label for p, label in zip(xy.tolist(), ij, strict=True)}
-        true = np.array([at[tuple(p)] for p in part.xy.tolist()])
-        found.append((part, true, np.array(size) - 1 - true))
+        slope = affine(whole.ij, whole.xy)[:, 0]
+        if 0.5 < abs(slope[0]) / np.linalg.norm(slope) < 0.87:
+            continue  # nearly as much on its side as not
+        found.append((part, np.array([at[tuple(p)] for p in part.xy.round(6).tolist()])))
     return found
 
 
 @pytest.mark.parametrize("model", ["pinhole", "brown"])
 @pytest.mark.parametrize("size", [(9, 6), (8, 5), (8, 6), (9, 7)])
 def test_a_part_that_the_border_cut_gets_its_place(size, model):
-    """Never a wrong one. Of a board that looks the same after half a turn, one of both, as it lies."""
+    """Never a wrong one; of a board that looks the same after half a turn, the one that the whole board would have."""
     parts = parts_of(size, model)
     placed = 0
-    for part, true, turned in parts:
+    for part, true in parts:
         (label,) = settle([part], size, strict=True, dark=True)
-        if not label.settled:
-            continue
-        placed += 1
-        right = np.array_equal(label.ij, true)
-        if CHECKER.orientation(*size) != "unique":
-            assert right or np.array_equal(label.ij, turned)
-            along = np.linalg.lstsq(np.column_stack([label.ij, np.ones(len(part))]), part.xy, rcond=None)[0][0, 0]
-            assert along > 0
-        else:
-            assert right
+        if label.settled:
+            placed += 1
+            assert np.array_equal(label.ij, true)
     assert placed >= (0.65 if size == (8, 6) else 0.75) * len(parts)
 
 
@@ -168,12 +170,42 @@ def test_a_part_without_one_place_stays_open():
     assert whole.settled
 
 
-def test_a_place_that_the_colours_contradict_is_refused():
-    """As if a column had been covered, at the end that seems to be the board's."""
-    ij = labels((6, 5))
-    part = detected(ij, 40.0 * ij + [640 - 40 * 6 + 20, 100], (640, 480))
-    assert part.orientation == "unique"
-    assert settle([part], (8, 5), strict=False, dark=True)[0].settled
-    covered = detected(ij + np.array([[1, 0]]), part.xy, (640, 480))
-    (label,) = settle([covered], (8, 5), strict=False, dark=True)
-    assert not label.settled or not np.array_equal(label.ij, ij)
+@pytest.mark.parametrize("size", [(8, 6), (9, 7)])
+def test_a_place_that_the_colours_contradict_is_refused(size):
+    """A board that lies in the frame, its last column near the border, with its first one covered."""
+    ij = labels((size[0] - 1, size[1]))
+    at = 40.0 * ij + [640 - 40 * (size[0] - 1) + 20, 100]
+    assert settle([detected(ij, at, (640, 480))], size, strict=False, dark=True)[0].settled
+    assert not settle([detected(ij + np.array([[1, 0]]), at, (640, 480))], size, strict=False, dark=True)[0].settled
+
+
+def test_nothing_is_placed_without_colours_or_where_such_a_board_is_seen_whole():
+    part = cut_by_the_right_border()
+    even = detected(labels((7, 6)), 40.0 * labels((7, 6)) + [640 - 40 * 7 + 20, 100], (640, 480))
+    assert settle([even], (8, 6), strict=False, dark=True)[0].settled
+    assert not settle([even], (8, 6), strict=False)[0].settled
+    whole = [detected(labels(), 30.0 * labels() + [100 + k, 100], (640, 480)) for k in range(3)]
+    small = detected(labels((6, 6)), 30.0 * labels((6, 6)) + 100, (640, 480))
+    for more, settled in (([], True), ([small], False)):
+        boards = [*whole, part, *more]
+        assert Geometries.of(boards, 0.03).labelled(boards, False)[3].settled is settled
+
+
+def test_a_transposed_size_turns_parts_as_whole_boards():
+    """Boards that look the same after half a turn, held nearly upright, by the size that was given the other way
+    round."""
+    for roll in (-0.05, 0.05):
+        turn = np.array([[np.cos(roll), -np.sin(roll)], [np.sin(roll), np.cos(roll)]])
+        ij = labels((8, 6))
+        xy = 40.0 * ij @ turn.T + [408, 100]
+        whole = detected(ij, xy - [300, 0], (640, 480))
+        seen = (xy[:, 0] < 630) & (ij[:, 0] < 6)
+        part = detected(ij[seen], xy[seen], (640, 480))
+        assert part.size == (6, 6)
+        labelled = settle([whole, part], (6, 8), strict=False)
+        assert [a.settled for a in labelled] == [True, True]
+        ways = [
+            np.sign(np.linalg.lstsq(np.column_stack([a.ij, np.ones(len(a.ij))]), b.xy, rcond=None)[0][0, 1])
+            for a, b in zip(labelled, (whole, part), strict=True)
+        ]
+        assert ways[0] == ways[1]

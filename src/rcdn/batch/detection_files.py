@@ -93,12 +93,9 @@ class Vnl(DetectionFormat):
         return write_vnl(path, found.images, found.size)
 
     def left_out(self, found: Found, size: tuple[int, int] | None) -> list[str]:
-        from rcdn.io.vnl_grid import grid_for
-
         boards = 0
-        grid = None if size is None else grid_for((image.boards for image in found.images), size)
         for image in found.images:
-            fit = grid is not None and any(grid.positions(board) is not None for board in image.boards)
+            fit = size is not None and any(board.grid_of(size) is not None for board in image.boards)
             boards += len(image.boards) - fit
         parts = ["deviations and responses", *[many(boards, "board")] * (boards > 0), *_lost(found)]
         held = [] if size is None else [f"holds one board of {size[0]}×{size[1]} corners a picture"]

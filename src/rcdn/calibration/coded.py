@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from rcdn.calibration.arguments import check_spacing
-from rcdn.calibration.labels import Labelled, Size, fits, settle
+from rcdn.calibration.labels import Labelled, Size, fits, label_of
 from rcdn.calibration.tag_gap import gap_of
 from rcdn.errors import CalibrationError, ConfigError, many, shown
-from rcdn.geometry.cut import whole_size
-from rcdn.geometry.part import origin_dark
+from rcdn.geometry.cut import may_be_cut, whole_size
+from rcdn.geometry.part import common_colour
 from rcdn.geometry.rules import CHECKER
 from rcdn.types import SQUARES, AprilGrid, Array, Board, Charuco, Orientation, Plane, PuzzleBoard, Target
 from rcdn.types.arrays import Real
@@ -30,7 +30,8 @@ UNREAD = "its codes were not read"
 class Geometry:
     """One printed target: its identity by its codes (`target`, None for plain boards), its `plane` with sides of
     `spacing` m, the label `first` that becomes (0, 0), and its `size` (columns, rows) in corners as far as it is
-    known; `origin_dark`: whether the square inside (0, 0) of the whole plain board is dark, None if unknown."""
+    known; `origin_dark`: whether the square inside (0, 0) of the whole plain board is dark, None if unknown;
+    `other_sizes`, the longer side first, of boards that are not parts of this plain one."""
 
     target: Target | None
     plane: Plane
@@ -38,6 +39,7 @@ class Geometry:
     size: Size | None
     first: Array
     origin_dark: bool | None = None
+    other_sizes: frozenset[Size] = frozenset()
 
     @property
     def orientation(self) -> Orientation | None:
@@ -98,7 +100,8 @@ class Geometries:
     def _uncoded(self, board: Board, strict: bool) -> Labelled:
         for each in (self.main, *self.plain):
             if each.target is None and each.plane == board.plane:
-                (label,) = settle([board], each.size, strict and each is self.main, each.origin_dark)
+                colour = None if max(board.size, board.size[::-1]) in each.other_sizes else each.origin_dark
+                label = label_of(board, each.size, strict and each is self.main, colour)
                 return replace(label, plane=each.plane, spacing=each.spacing, main=each is self.main)
         return self._unread(board)
 
@@ -241,9 +244,20 @@ def _plain(boards: Sequence[Board], sides: dict[str, float], size: Size | None) 
     for k, pattern in enumerate(patterns):
         mine = [b for b in boards if b.pattern == pattern]
         whole = (size if k == 0 else None) or whole_size(mine)
-        dark = origin_dark((b.origin_dark for b in mine if b.size == whole), whole)
-        found.append(Geometry(None, Plane(pattern), sides[pattern], whole, np.zeros(2, int), dark))
+        found.append(
+            Geometry(
+                None, Plane(pattern), sides[pattern], whole, np.zeros(2, int),
+                common_colour(mine, whole), _other_sizes(mine, whole),
+            )
+        )  # fmt: skip
     return found
+
+
+def _other_sizes(boards: Sequence[Board], whole: Size | None) -> frozenset[Size]:
+    """Sizes, the longer side first, other than `whole`, of complete boards that the picture's border cannot have cut: a
+    board of such a size may be another one, or one behind a cover, wherever it is."""
+    sizes = {max(b.size, b.size[::-1]) for b in boards if b.pattern == "checker" and b.complete and not may_be_cut(b)}
+    return frozenset(sizes - ({whole, whole[::-1]} if whole else set()))
 
 
 def _of_size(found: Geometry, size: Size) -> Geometry:

@@ -9,7 +9,7 @@ import numpy as np
 
 from rcdn.errors import a_board
 from rcdn.geometry import apply_homography, homography
-from rcdn.geometry.part import labels_of, origin_dark
+from rcdn.geometry.part import common_colour, labels_of
 from rcdn.types import SQUARES, Array, Board, Plane, Target
 from rcdn.types.arrays import Real
 
@@ -52,11 +52,12 @@ def settle(boards: Sequence[Board], size: Size | None, strict: bool, dark: bool 
     the size). `dark`: whether the square inside the whole board's (0, 0) is dark, by default as `boards` say.
     """
     if dark is None:
-        dark = origin_dark((b.origin_dark for b in boards if b.size == size), size)
-    return [_label(b, size, strict, dark) for b in boards]
+        dark = common_colour(boards, size)
+    return [label_of(b, size, strict, dark) for b in boards]
 
 
-def _label(board: Board, size: Size | None, strict: bool, dark: bool | None) -> Labelled:
+def label_of(board: Board, size: Size | None, strict: bool, dark: bool | None) -> Labelled:
+    """`settle` for one board; `dark` None: its colours are not compared, and no part is placed."""
     if not len(board):
         return Labelled(board.ij, False)
     own = board.ij - board.ij.min(axis=0)

@@ -47,7 +47,7 @@ def next_pair(
     """The pose that would reduce the mean uncertainty of the forecast's projections most; None if there is none.
 
     Candidates are those of `next_view` for both cameras, at `distances` from each. A camera counts if it sees at least
-    half of the corners; both count together only if they see the whole board, since a part of a plain board doesn't
+    half of the corners; both count together only if they see the whole board, since a part of a plain board may not
     tell which corner is which; else the one whose candidate it is. `common`: only poses that both see whole.
     None is wanted that all its pictures would show almost as those before, whose outlines in the left and in the right
     camera are `taken` (N, 4, 2), as in `outlines`.

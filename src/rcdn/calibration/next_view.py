@@ -41,8 +41,8 @@ class NextView:
     `nearer`: the edge or corner, as seen in the picture, that is nearer. `before`, `after` px: the worst projection
     uncertainty over the frame now, and the predicted one with that view; `gain`, by which the view was chosen: the
     predicted decrease of the logarithm of the uncertainty's mean over the frame, a mean of high power
-    (`added_view.NORM`). `upright`: whether the board's columns are wanted to run to the right in the picture; None:
-    either way up.
+    (`added_view.NORM`). `upright`: whether the board is wanted the right way up, its labels growing to the right in the
+    picture; None: either way up.
     """
 
     pose: Pose

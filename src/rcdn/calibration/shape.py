@@ -35,7 +35,8 @@ FALLING = np.array([float(i + j) ** -DECAY for i, j in FUNCTIONS])[:, None]
 HELD = 1e3
 """ratio of the prior's standard deviations to those of displacements that a motion or the size would explain"""
 FEWEST_SHAPED = 5
-"""least number of views of the whole board for which its shape is estimated; with fewer it is taken as perfect"""
+"""least number of views in which it is known which corner is which, for the shape to be estimated; with fewer the board
+is taken as perfect"""
 
 
 def shape_basis(ij: Real[Array, "n 2"], size: Size, plane: Plane = SQUARES) -> Real[Array, "n b"]:

@@ -71,7 +71,7 @@ def picture_size(c: Calibration, facts: Facts) -> list[Reason]:
 
 def board_size(c: Calibration, facts: Facts) -> list[Reason]:
     """A board whose size was given in squares instead of inner corners; no reason if a whole board was seen."""
-    if c.size is None or any(v.settled for v in c.used_views):
+    if c.size is None or any(v.settled and (v.target or sorted(box(v.ij)) == sorted(c.size)) for v in c.used_views):
         return []
     boxes = [tuple(sorted(box(v.ij))) for v in c.used_views]
     less = tuple(sorted(n - 1 for n in c.size))

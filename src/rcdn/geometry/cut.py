@@ -1,4 +1,4 @@
-"""Detection of complete grids that may be parts of larger boards cut by the picture's border."""
+"""Which ends of a grid may be cut by the picture's border, so that it is a part of a larger board."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ HIDDEN = 0.7
 """share of the next line's corners that must lie beyond the border: if the board continued, the others would have been
 detected"""
 VISIBLE = 2
-"""least number of those others"""
+"""least number of those others, where it is to be sure that the board ends"""
 COVERED = 2
 """most corners that may be missing within a board though they would be visible: more are a cover"""
 FEWEST = 6
@@ -38,7 +38,7 @@ def cut_sides(ij: Real[Array, "m 2"], xy: Real[Array, "m 2"], image_size: tuple[
     """
     if not len(ij) or len(ij) != np.prod(np.ptp(ij, axis=0) + 1) or in_line(ij, xy):
         return ()
-    sides = (side for ends in _ends(ij - ij.min(axis=0), xy, image_size) for side in ends if side is not None)
+    sides = (side for ends in _ends(ij - ij.min(axis=0), xy, image_size, 0) for side in ends if side is not None)
     return tuple(dict.fromkeys(sides))
 
 
@@ -55,7 +55,7 @@ def open_ends(ij: Real[Array, "m 2"], xy: Real[Array, "m 2"], image_size: tuple[
     ij = ij - ij.min(axis=0)
     if _covered(ij, xy, image_size) > COVERED:
         return None
-    return np.array([[side is not None for side in ends] for ends in _ends(ij, xy, image_size)])
+    return np.array([[side is not None for side in ends] for ends in _ends(ij, xy, image_size, VISIBLE)])
 
 
 def in_line(ij: Real[Array, "m 2"], xy: Real[Array, "m 2"]) -> bool:
@@ -63,9 +63,9 @@ def in_line(ij: Real[Array, "m 2"], xy: Real[Array, "m 2"]) -> bool:
     return any(np.linalg.matrix_rank(a - a.mean(axis=0), tol=1e-6) < 2 for a in (xy, ij))
 
 
-def _ends(ij: Array, xy: Array, image_size: tuple[int, int]) -> list[list[Side | None]]:
+def _ends(ij: Array, xy: Array, image_size: tuple[int, int], least: int) -> list[list[Side | None]]:
     """For columns and rows: the border that hides what would come before the first one, and after the last one; None if
-    it would be visible."""
+    it would be visible: enough of it, and at least `least` corners, unless no corner at all is hidden."""
     found: list[list[Side | None]] = []
     for axis, many in enumerate(np.ptp(ij, axis=0) + 1):
         ends: list[Side | None] = []
@@ -75,17 +75,17 @@ def _ends(ij: Array, xy: Array, image_size: tuple[int, int]) -> list[list[Side |
                 near[:] = True
             line = ij[ij[:, axis] == last].copy()
             line[:, axis] = place
-            ends.append(_hidden_by(ij[near], xy[near], line, image_size))
+            ends.append(_hidden_by(ij[near], xy[near], line, image_size, least))
         found.append(ends)
     return found
 
 
-def _hidden_by(ij: Array, xy: Array, line: Real[Array, "l 2"], image_size: tuple[int, int]) -> Side | None:
+def _hidden_by(ij: Array, xy: Array, line: Real[Array, "l 2"], image_size: tuple[int, int], least: int) -> Side | None:
     """The border that hides most of the corners `line` (L, 2), labels adjacent to those of `ij`; None if enough of them
     would be visible."""
     over = _beyond(ij, xy, line, image_size)
     hidden = (over > 0).any(axis=0)
-    if hidden.mean() <= HIDDEN and (~hidden).sum() >= VISIBLE:
+    if hidden.mean() <= HIDDEN and ((~hidden).sum() >= least or not hidden.any()):
         return None
     return SIDES[int(np.argmax((over > 0).sum(axis=1) + 1e-6 * over.mean(axis=1)))]
 

@@ -10,18 +10,33 @@ from rcdn.geometry.cut import open_ends
 from rcdn.geometry.order import colour_after, rightward, turn_labels
 from rcdn.geometry.rules import CHECKER
 from rcdn.types import Array, Board
-from rcdn.types.arrays import Int, Real
+from rcdn.types.arrays import Int
 
 Size = tuple[int, int]
 
 
-def origin_dark(colours: Iterable[bool | None], size: Size | None) -> bool | None:
-    """Whether the square inside (0, 0) of whole boards of `size` is dark, from `Board.origin_dark` of those that were
-    seen; None if that is unknown, or not the same in all of them."""
-    if size is not None and CHECKER.orientation(*size) == "unique":
-        return True
-    found = set(colours)
+def common_colour(boards: Iterable[Board], size: Size | None) -> bool | None:
+    """Whether the square inside (0, 0) of the whole board of `size` (columns, rows) is dark, from those of `boards`
+    that show it whole; None if they do not tell, or disagree."""
+    if size is None or CHECKER.orientation(*size) == "unique":
+        return None if size is None else True
+    odd = size[0] % 2 == size[1] % 2 == 1  # a quarter turn exchanges the colours
+    found = {
+        b.origin_dark != (odd and b.size != size)
+        for b in boards
+        if b.origin_dark is not None and b.size in (size, size[::-1])
+    }
     return found.pop() if len(found) == 1 else None
+
+
+def tells_its_way(board: Board, size: Size) -> bool:
+    """Whether the colours of a plain `board`, a part of one of `size` (columns, rows), tell it from one turned by
+    half."""
+    return _dark(board) is not None and CHECKER.orientation(*size) == "unique"
+
+
+def _dark(board: Board) -> bool | None:
+    return True if board.orientation == "unique" else board.origin_dark
 
 
 def labels_of(board: Board, size: Size, dark: bool | None) -> Int[Array, "m 2"] | None:
@@ -31,7 +46,7 @@ def labels_of(board: Board, size: Size, dark: bool | None) -> Int[Array, "m 2"] 
     A board whose bounding box has that size, holes included, is the whole one; one of the transposed size is rotated by
     the quarter turn that keeps the colour of the square inside (0, 0), as in `Board.grid_of`. A smaller one is placed
     if the picture's border cut it so that it has one place only. `dark`: whether the square inside the whole board's
-    (0, 0) is dark, None if unknown (`origin_dark`).
+    (0, 0) is dark (`common_colour`); None if unknown: then no part is placed.
     """
     if not len(board):
         return None
@@ -41,29 +56,20 @@ def labels_of(board: Board, size: Size, dark: bool | None) -> Int[Array, "m 2"] 
         return None
     if board.size == size[::-1]:
         own = board.ij - board.ij.min(axis=0)
-        return turn_labels(own, board.size, 1 if board.size[0] % 2 == 0 else 3)
+        return np.asarray(turn_labels(own, board.size, _quarter(board.size)))
     return None if board.target is not None else _place_of(board, size, dark)
-
-
-def grid_on(board: Board, size: Size, dark: bool | None) -> Real[Array, "r c 2"] | None:
-    """Positions of a plain board's corners on the whole board of `size` (columns, rows), px, NaN where they were not
-    found; None if its place is unknown. `dark` as in `labels_of`."""
-    ij = labels_of(board, size, dark)
-    if ij is None:
-        return None
-    out = np.full((size[1], size[0], 2), np.nan)
-    out[ij[:, 1], ij[:, 0]] = board.xy
-    return out
 
 
 def _place_of(board: Board, size: Size, dark: bool | None) -> Int[Array, "m 2"] | None:
     """(M, 2) labels of a part's corners on the whole board of `size` (columns, rows), if the picture's border explains
     what is missing in one way only; None otherwise.
 
-    `dark`: whether the square inside the whole board's (0, 0) is dark, None if unknown. In each direction in which the
-    part is smaller, one end must lie at the border and the other one end within the picture (`open_ends`). The colours
-    tell which half turn is right, or how the board lies if it looks the same after half a turn.
+    In each direction in which the part is smaller, one end must lie at the border and the other one end within the
+    picture (`open_ends`). The colours tell which half turn is right; of a board that looks the same after half a turn
+    they must agree, and it is placed as it lies, as whole boards are labelled.
     """
+    if dark is None or _dark(board) is None:
+        return None
     found: dict[int, Array] = {}
     for turn in range(4):
         ij = CHECKER.started(CHECKER.turned(board.ij, turn))
@@ -80,12 +86,22 @@ def _place_of(board: Board, size: Size, dark: bool | None) -> Int[Array, "m 2"] 
     halves = size[0] == size[1] or len({turn % 2 for turn in found}) == 1
     if not found or not halves or (len(found) > 1 and CHECKER.orientation(*size) == "unique"):
         return None
-    return max(found.values(), key=lambda ij: rightward(ij, board.xy))
+    return max(found.values(), key=lambda ij: _as_it_lies(ij, board.xy, size))
 
 
-def _same_colours(board: Board, turn: int, placed: Array, dark: bool | None) -> bool:
-    """Whether the colours of a part, with labels `placed` after `turn` turns, may be those of the whole board."""
-    if dark is None or board.origin_dark is None:
-        return True
-    colour = colour_after(board.ij - board.ij.min(axis=0), -1 if board.origin_dark else 1, turn)
+def _as_it_lies(ij: Array, xy: Array, size: Size) -> float:
+    """Cosine of the angle between +x and the i axis, of labels `ij` on a board of `size` or, where they run vertically,
+    of those from which a whole board would be turned by a quarter."""
+    level = rightward(ij, xy)
+    return level if abs(level) >= np.sqrt(0.5) else rightward(turn_labels(ij, size, -_quarter(size[::-1])), xy)
+
+
+def _quarter(size: Size) -> int:
+    """The quarter turns by which a board of `size` is turned to the transposed size, as by `Board.grid_of`."""
+    return 1 if size[0] % 2 == 0 else 3
+
+
+def _same_colours(board: Board, turn: int, placed: Array, dark: bool) -> bool:
+    """Whether the colours of a part, with labels `placed` after `turn` turns, are those of the whole board."""
+    colour = colour_after(board.ij - board.ij.min(axis=0), -1 if _dark(board) else 1, turn)
     return (colour < 0) == (dark ^ bool(placed.min(axis=0).sum() % 2))

@@ -31,8 +31,7 @@ def write_vnl(
     One board per image, row by row over the full grid, `- - -` for a missing corner; an image without a matching board
     has the single line `path - - -`. `size`: the grid (columns, rows), or None for the most frequent size of the
     complete boards. A board matches if the bounding box of its labels has the size of the grid, upright or rotated by a
-    quarter turn, or if the picture's border cut it so that it has one place on the grid; of several matching boards the
-    one with the most corners is written.
+    quarter turn; of several matching boards the one with the most corners is written.
 
     If most boards have decoded codes, the grid is that of their target (of a PuzzleBoard the part that any picture
     shows), and every visible part is written at its position on the target. AprilGrids have no uniform grid and are

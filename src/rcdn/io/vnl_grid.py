@@ -1,7 +1,7 @@
 """The single grid of a corners.vnl, and the positions of each board's corners in it.
 
 Boards with decoded codes have a known position on the target, so that each visible part is written there. Other boards
-are written if their size is that of the grid, or if the picture's border cut them so that they have one place on it.
+are written only if their size is that of the grid.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ from itertools import chain
 import numpy as np
 
 from rcdn.errors import FormatError
-from rcdn.geometry.part import grid_on, origin_dark
 from rcdn.types import AprilGrid, Array, Board, Charuco, usual_size
 from rcdn.types.ranges import BOX
 
@@ -25,21 +24,19 @@ Key = tuple[object, ...]
 
 @dataclass(frozen=True)
 class VnlGrid:
-    """A grid of `size` (columns, rows). If `key` is None, it is for plain boards, the square inside whose (0, 0) is
-    dark if `origin_dark`, None if unknown; else for boards of that target, with the target's corner `first` (i, j) as
-    its first corner before the grid is `turned` by a quarter turn, if it is."""
+    """A grid of `size` (columns, rows). If `key` is None, it is for whole boards; else for boards of that target, with
+    the target's corner `first` (i, j) as its first corner before the grid is `turned` by a quarter turn, if it is."""
 
     size: Size
     key: Key | None = None
     first: Size = (0, 0)
     turned: bool = False
-    origin_dark: bool | None = None
 
     def positions(self, board: Board) -> Array | None:
         """The board's corners on this grid (rows, columns, 2), NaN for missing ones; None if the board doesn't
         match."""
         if self.key is None:
-            return None if board.pattern == "aprilgrid" else grid_on(board, self.size, self.origin_dark)
+            return None if board.pattern == "aprilgrid" else board.grid_of(self.size)
         if key_of(board) != self.key:
             return None
         columns, rows = self.size[::-1] if self.turned else self.size
@@ -89,7 +86,6 @@ def grid_for(pictures: Iterable[Iterable[Board]], size: Size | None) -> VnlGrid 
     """
     seen: dict[Key, _Seen] = {}
     whole: Counter[Size] = Counter()
-    colours: dict[Size, set[bool | None]] = {}
     patterns: set[str] = set()
 
     def plain_boards() -> Iterator[Board]:
@@ -99,7 +95,6 @@ def grid_for(pictures: Iterable[Iterable[Board]], size: Size | None) -> VnlGrid 
                 seen.setdefault(key, _Seen()).add(board)
             elif board.pattern != "aprilgrid":
                 whole[board.size] += board.complete
-                colours.setdefault(board.size, set()).add(board.origin_dark)
                 yield board
 
     common = usual_size(plain_boards())
@@ -114,7 +109,7 @@ def grid_for(pictures: Iterable[Iterable[Board]], size: Size | None) -> VnlGrid 
         raise FormatError(
             "corners.vnl needs the board's size: no board is complete; give columns and rows (--board 9x6)"
         )
-    return None if common is None else VnlGrid(common, origin_dark=origin_dark(colours.get(common, ()), common))
+    return None if common is None else VnlGrid(common)
 
 
 def _of_target(key: Key, seen: _Seen, size: Size | None) -> VnlGrid | None:

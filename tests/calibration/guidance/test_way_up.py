@@ -52,8 +52,10 @@ def test_the_way_up_is_read_from_the_colours(size):
     across = np.array([1, 0.1]) * (labels(size) * 30.0) + [100, 80]
     boards = [detected(labels(size), xy, (640, 480)) for xy in (across, [500, 400] - across + [60, 20])]
     assert [upright(b, size) for b in boards] == [True, False]
-    turned = [b for b in boards if b.ij[0].tolist() == [0, 0]]
-    assert len(turned) == 2  # their own labels begin at (0, 0), wherever it lies
+    on_its_side = detected(labels(size), across[:, ::-1] * [-1, 1] + [600, 0], (640, 640))
+    assert upright(on_its_side, size) is False
+    aslant = detected(labels(size), across @ np.array([[1, 1], [-1, 1]]) + [300, 0], (640, 640))
+    assert upright(aslant, size) is None
     unknown = replace(boards[0], origin_dark=None, orientation="ambiguous_180")
     assert upright(unknown, size) is None
     assert upright(boards[0], None) is None
@@ -66,10 +68,7 @@ def test_a_wanted_view_upside_down_covers_the_same_place():
     other = held_up(wanted, False, SQUARES, SPACING)
     assert (wanted.upright, other.upright) == (True, False)
     corners = np.array([[0, 0], [SIZE[0] - 1, 0], np.array(SIZE) - 1, [0, SIZE[1] - 1]]) * SPACING
-    for view in (wanted, other):
-        T = view.pose.T_cam_board
-        assert np.linalg.det(T[:3, :3]) == pytest.approx(1)
-        np.testing.assert_allclose(project(BROWN, corners @ T[:3, :2].T + T[:3, 3]).shape, (4, 2))
+    assert np.linalg.det(other.pose.T_cam_board[:3, :3]) == pytest.approx(1)
     camera = guide._plan.known.calibration.camera
     T = other.pose.T_cam_board
     np.testing.assert_allclose(project(camera, corners @ T[:3, :2].T + T[:3, 3]), other.outline, atol=1e-6)
@@ -94,8 +93,11 @@ def test_who_cannot_turn_the_board_is_not_asked_for_ever():
     guide, _ = followed(LEAD)
     same = held(held_up(guide.progress.wanted, False, SQUARES, SPACING).pose.T_cam_board)
     assert still(guide, same, 10.0).hint == TURN
-    assert still(guide, same, 10.0 + PATIENCE - 1).hint == TURN
-    assert still(guide, same, 11.0 + PATIENCE).take
+    guide.look(None, 20.0)
+    assert still(guide, same, 100.0).hint == TURN  # nobody was there in between
+    for k in range(int(PATIENCE / 0.25)):
+        guide.look(same, 101.0 + 0.25 * k)
+    assert still(guide, same, 102.0 + PATIENCE).take
     guide.add(same, "not turned")
     assert guide.progress.wanted.upright is None
     assert TURN not in guide.progress.sentence
@@ -104,4 +106,20 @@ def test_who_cannot_turn_the_board_is_not_asked_for_ever():
 def test_boards_that_look_the_same_after_half_a_turn_stay_as_they_are():
     guide, boards = followed(LEAD + 1, (8, 6))
     assert guide.progress.wanted.upright is None
-    assert not any(upright(b, (8, 6)) for b in boards)
+    assert all(upright(b, (8, 6)) is None for b in boards)
+
+
+def test_an_upright_frame_wants_both_ways_of_a_board_on_its_side():
+    """A board of 9 × 6 fits a frame of 480 × 640 px with its second index across."""
+    tall = replace(BROWN, K=np.array([[520.0, 0, 236], [0, 515, 330], [0, 0, 1]]), image_size=(480, 640))
+    guide = Guide(tall.image_size, SPACING, size=SIZE, model="brown")
+    boards = []
+    for k in range(LEAD + 1):
+        wanted = guide.progress.wanted
+        assert wanted.size == (6, 9)
+        ij, xy = see(tall, wanted.pose.T_cam_board, (6, 9))
+        turned = np.stack([8 - ij[:, 1], ij[:, 0]], axis=1)  # the labels of a board of 9 × 6, a quarter turned
+        boards.append(detected(turned, xy + np.random.default_rng(k).normal(0, 0.1, xy.shape), tall.image_size))
+        guide.add(boards[-1], str(k))
+    ways = [upright(b, SIZE) for b in boards]
+    assert ways == [ways[0]] * LEAD + [not ways[0]]

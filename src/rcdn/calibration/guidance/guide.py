@@ -36,7 +36,9 @@ ENOUGH = 0.7
 OFF = 0.25
 """share of the board's size in the picture: an outline that deviates by as much has an agreement of 0"""
 PATIENCE = 30.0
-"""s; a board that was not turned upside down in that time will not be"""
+"""s; a board that was in view for that time and not turned upside down will not be"""
+GLANCE = 0.5
+"""s; most that a frame adds to that time"""
 BEYOND = 1.1
 """× (÷) the distance at which a still board is too near (too far) to be sharp: least (greatest) distance of wanted
 poses afterwards, but none at which a board was sharp is left out"""
@@ -93,7 +95,7 @@ class Guide:
         self._stillness = gates.Stillness()
         self._sharp = (0.0, float("inf"))
         self._turns = True
-        self._asked: float | None = None
+        self._asked, self._before = 0.0, 0.0
         self._plan = planned(self._wish, learned(self._wish, [], [], self._given, SQUARES))
 
     @property
@@ -155,14 +157,18 @@ class Guide:
         return Look(refused, sentence or state.progress.sentence, not refused and worth, fit, gain, arrow)
 
     def _other_way(self, board: Board, wanted: NextView, time: float) -> bool:
-        """Whether the board must be turned upside down first. A person who does not within PATIENCE cannot, and is not
-        asked again."""
-        way = upright(board, self._plan.known.size)
-        if not self._turns or None in (way, wanted.upright) or way == wanted.upright:
-            self._asked = None
+        """Whether the board must be turned upside down first. A person who was shown that for PATIENCE with the board
+        in view cannot, and is not asked again."""
+        since, self._before = min(time - self._before, GLANCE), time
+        if not self._turns or wanted.upright is None:
             return False
-        self._asked = time if self._asked is None else self._asked
-        if time - self._asked < PATIENCE or self._writing.locked():
+        way = upright(board, self._plan.known.size)
+        if way == wanted.upright:
+            self._asked = 0.0
+        if way in (None, wanted.upright):
+            return False
+        self._asked += since
+        if self._asked < PATIENCE or self._writing.locked():
             return True
         with self._writing:
             self._turns = False

@@ -16,29 +16,32 @@ import numpy as np
 from rcdn.calibration.labels import Size
 from rcdn.calibration.next_view import NextView
 from rcdn.geometry.order import rightward
-from rcdn.geometry.part import labels_of
-from rcdn.geometry.rules import CHECKER
-from rcdn.types import Board, Plane, Pose
+from rcdn.geometry.part import labels_of, tells_its_way
+from rcdn.types import Array, Board, Plane, Pose
 
 LEAD = 2
 """number of pictures by which one way up leads, after which the other one is wanted"""
+SLANTED = 0.8
+"""cosine of an axis with the picture's rows below which a board lies aslant"""
 TURN = "Turn the board upside down."
 
 
 def upright(board: Board, size: Size | None) -> bool | None:
-    """Whether the columns of a `board` of `size` (columns, rows) run to the right in the picture; None if its place on
-    the whole board is unknown, or the print looks the same after half a turn."""
-    if board.target is not None:
-        return rightward(board.ij, board.xy) > 0
-    if size is None or board.pattern != "checker" or not _unique(board, size):
+    """Whether a `board` of `size` (columns, rows) is the right way up: the first index of its labels grows to the right
+    in the picture, or the second one does where the board stands on its side; None if its place on the whole board is
+    unknown, it lies aslant, or the print looks the same after half a turn."""
+    ij = board.ij if board.target is not None else _labels(board, size)
+    if ij is None:
         return None
-    ij = labels_of(board, size, True)
-    return None if ij is None else rightward(ij, board.xy) > 0
+    across = [rightward(ij, board.xy), rightward(ij[:, ::-1], board.xy)]
+    level = max(across, key=abs)
+    return level > 0 if abs(level) > SLANTED else None
 
 
-def _unique(board: Board, size: Size) -> bool:
-    known = board.origin_dark is not None or board.orientation == "unique"
-    return known and CHECKER.orientation(*size) == "unique"
+def _labels(board: Board, size: Size | None) -> Array | None:
+    if size is None or board.pattern != "checker" or not tells_its_way(board, size):
+        return None
+    return labels_of(board, size, True)
 
 
 def next_way(ways: Iterable[bool | None]) -> tuple[bool | None, bool]:
