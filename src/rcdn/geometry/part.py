@@ -32,11 +32,7 @@ def common_colour(boards: Iterable[Board], size: Size | None) -> bool | None:
 def tells_its_way(board: Board, size: Size) -> bool:
     """Whether the colours of a plain `board`, a part of one of `size` (columns, rows), tell it from one turned by
     half."""
-    return _dark(board) is not None and CHECKER.orientation(*size) == "unique"
-
-
-def _dark(board: Board) -> bool | None:
-    return True if board.orientation == "unique" else board.origin_dark
+    return board.origin_dark is not None and CHECKER.orientation(*size) == "unique"
 
 
 def labels_of(board: Board, size: Size, dark: bool | None) -> Int[Array, "m 2"] | None:
@@ -68,7 +64,7 @@ def _place_of(board: Board, size: Size, dark: bool | None) -> Int[Array, "m 2"] 
     picture (`open_ends`). The colours tell which half turn is right; of a board that looks the same after half a turn
     they must agree, and it is placed as it lies, as whole boards are labelled.
     """
-    if dark is None or _dark(board) is None:
+    if dark is None or board.origin_dark is None:
         return None
     found: dict[int, Array] = {}
     for turn in range(4):
@@ -103,5 +99,5 @@ def _quarter(size: Size) -> int:
 
 def _same_colours(board: Board, turn: int, placed: Array, dark: bool) -> bool:
     """Whether the colours of a part, with labels `placed` after `turn` turns, are those of the whole board."""
-    colour = colour_after(board.ij - board.ij.min(axis=0), -1 if _dark(board) else 1, turn)
+    colour = colour_after(board.ij - board.ij.min(axis=0), -1 if board.origin_dark else 1, turn)
     return (colour < 0) == (dark ^ bool(placed.min(axis=0).sum() % 2))
