@@ -8,13 +8,20 @@ import numpy as np
 import pytest
 
 from rcdn.calibration.coded import Geometries
-from rcdn.calibration.labels import mirrored, settle
+from rcdn.calibration.labels import label_of, mirrored
 from rcdn.geometry import project
 from rcdn.geometry.matrices import affine
 from rcdn.geometry.order import turn_labels
+from rcdn.geometry.part import common_colour
 from rcdn.geometry.rules import CHECKER
 from rcdn.types import usual_size
 from rcdn_lab.camera_scenes import CAMERAS, SPACING, board, detected, labels, random_boards, random_pose, see
+
+
+def settle(boards, size, strict, dark=None):
+    """The labels of `boards` on the whole board, whose colour they tell unless `dark` does."""
+    dark = common_colour(boards, size) if dark is None else dark
+    return [label_of(b, size, strict, dark) for b in boards]
 
 
 def grid(cols, rows, drop=()):

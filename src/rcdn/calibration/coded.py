@@ -256,8 +256,9 @@ def _plain(boards: Sequence[Board], sides: dict[str, float], size: Size | None) 
 def _other_sizes(boards: Sequence[Board], whole: Size | None) -> frozenset[Size]:
     """Sizes, the longer side first, other than `whole`, of complete boards that the picture's border cannot have cut: a
     board of such a size may be another one, or one behind a cover, wherever it is."""
-    sizes = {max(b.size, b.size[::-1]) for b in boards if b.pattern == "checker" and b.complete and not may_be_cut(b)}
-    return frozenset(sizes - ({whole, whole[::-1]} if whole else set()))
+    same = set() if whole is None else {whole, whole[::-1]}
+    rest = [b for b in boards if b.pattern == "checker" and b.complete and b.size not in same]
+    return frozenset(max(b.size, b.size[::-1]) for b in rest if not may_be_cut(b))
 
 
 def _of_size(found: Geometry, size: Size) -> Geometry:

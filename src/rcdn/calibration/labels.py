@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from rcdn.errors import a_board
 from rcdn.geometry import apply_homography, homography
-from rcdn.geometry.part import common_colour, labels_of
+from rcdn.geometry.part import labels_of
 from rcdn.types import SQUARES, Array, Board, Plane, Target
 from rcdn.types.arrays import Real
 
@@ -42,22 +41,14 @@ class Labelled:
         return self.plane.points(self.ij) * self.spacing
 
 
-def settle(boards: Sequence[Board], size: Size | None, strict: bool, dark: bool | None = None) -> list[Labelled]:
-    """Labels of each board on a whole board of `size` (columns, rows).
-
-    A board whose bounding box has that size, holes included, is settled; if it has the transposed size, it is rotated
-    by a quarter turn that keeps the colour of the square inside (0, 0). A smaller one is settled if the picture's
-    border cut it so that it has one place (`rcdn.geometry.part`); else it may be anywhere on the whole board, and keeps
-    its own labels. A board that cannot be part of the whole also keeps them, or is refused if `strict` (the user gave
-    the size). `dark`: whether the square inside the whole board's (0, 0) is dark, by default as `boards` say.
-    """
-    if dark is None:
-        dark = common_colour(boards, size)
-    return [label_of(b, size, strict, dark) for b in boards]
-
-
 def label_of(board: Board, size: Size | None, strict: bool, dark: bool | None) -> Labelled:
-    """`settle` for one board; `dark` None: its colours are not compared, and no part is placed."""
+    """Labels of a plain board on the whole board of `size` (columns, rows), None if unknown.
+
+    They are settled if the whole board is seen, holes included, also in a picture turned by a quarter, or a part that
+    the picture's border cut so that it has one place (`rcdn.geometry.part.labels_of`; `dark`: the common colour of
+    whole boards there). Another part may be anywhere, and keeps its own labels, as does a board that cannot be part of
+    the whole, unless it is refused because of `strict` (the user gave the size).
+    """
     if not len(board):
         return Labelled(board.ij, False)
     own = board.ij - board.ij.min(axis=0)

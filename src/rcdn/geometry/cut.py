@@ -65,7 +65,7 @@ def in_line(ij: Real[Array, "m 2"], xy: Real[Array, "m 2"]) -> bool:
 
 def _ends(ij: Array, xy: Array, image_size: tuple[int, int], least: int) -> list[list[Side | None]]:
     """For columns and rows: the border that hides what would come before the first one, and after the last one; None if
-    it would be visible: enough of it, and at least `least` corners, unless no corner at all is hidden."""
+    it would be visible: enough of it, and at least `least` corners."""
     found: list[list[Side | None]] = []
     for axis, many in enumerate(np.ptp(ij, axis=0) + 1):
         ends: list[Side | None] = []
@@ -85,7 +85,7 @@ def _hidden_by(ij: Array, xy: Array, line: Real[Array, "l 2"], image_size: tuple
     would be visible."""
     over = _beyond(ij, xy, line, image_size)
     hidden = (over > 0).any(axis=0)
-    if hidden.mean() <= HIDDEN and ((~hidden).sum() >= least or not hidden.any()):
+    if hidden.mean() <= HIDDEN and (~hidden).sum() >= least:
         return None
     return SIDES[int(np.argmax((over > 0).sum(axis=1) + 1e-6 * over.mean(axis=1)))]
 

@@ -40,8 +40,8 @@ def labels_of(board: Board, size: Size, dark: bool | None) -> Int[Array, "m 2"] 
     is unknown.
 
     A board whose bounding box has that size, holes included, is the whole one; one of the transposed size is rotated by
-    the quarter turn that keeps the colour of the square inside (0, 0), as in `Board.grid_of`. A smaller one is placed
-    if the picture's border cut it so that it has one place only. `dark`: whether the square inside the whole board's
+    the quarter turn of `Board.grid_of`. A smaller one is placed if the picture's border cut it so that it has one place
+    only. `dark`: whether the square inside the whole board's
     (0, 0) is dark (`common_colour`); None if unknown: then no part is placed.
     """
     if not len(board):
@@ -66,14 +66,18 @@ def _place_of(board: Board, size: Size, dark: bool | None) -> Int[Array, "m 2"] 
     """
     if dark is None or board.origin_dark is None:
         return None
+    ends = open_ends(board.ij, board.xy, board.image_size)
+    if ends is None:
+        return None
     found: dict[int, Array] = {}
     for turn in range(4):
         ij = CHECKER.started(CHECKER.turned(board.ij, turn))
+        if turn:  # takes (i, j) to (−j, i)
+            ends = np.stack([ends[1, ::-1], ends[0]])
         missing = np.array(size) - 1 - ij.max(axis=0)
         if (missing < 0).any():
             continue
-        ends = open_ends(ij, board.xy, board.image_size)
-        if ends is None or (ends.all(axis=1) & (missing > 0)).any():
+        if (ends.all(axis=1) & (missing > 0)).any():
             return None
         if (ends.any(axis=1) | (missing == 0)).all():
             placed = ij + np.where(ends[:, 0], missing, 0)

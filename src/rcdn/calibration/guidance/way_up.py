@@ -3,7 +3,7 @@
 Errors of a print belong to the board, those of a lens to the frame. Where the board always stands the same way up,
 some of the former look like the latter: a spacing that grows along the board like a lens that magnifies one side. With
 the board turned by half they have the opposite sign. (Orthogonal roll angles serve the same in photogrammetry: Luhmann
-et al., Close-Range Photogrammetry and 3D Imaging, section 7.3.)
+et al., Close-Range Photogrammetry and 3D Imaging.)
 """
 
 from __future__ import annotations
