@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from test_stereo import T_RIGHT_LEFT, pairs
 
-from rcdn.calibration import calibrate, calibrate_stereo
+from rcdn.calibration import calibrate, calibrate_stereo, common_model
 from rcdn.calibration.common_model import alike, one_model
 from rcdn.errors import CalibrationError
 from rcdn.types import Camera, ModelScore
@@ -91,6 +91,17 @@ def test_a_model_that_a_camera_cannot_have_is_none_for_both(twins):
     left, right, note = one_model(both, fails, [])
     assert (left, right) == both
     assert "no one model does for both: brown on the left, fisheye on the right" in note
+
+
+def test_a_poor_model_is_not_common_because_the_good_one_folds(twins, monkeypatch):
+    """`pinhole` has rays everywhere and predicts neither camera; that `brown` has none in a part of the frame doesn't
+    make it fair."""
+    _, under = twins
+    both = under(0, "brown"), under(1, "pinhole")
+    monkeypatch.setattr(common_model, "reach", lambda camera: 0.8 if camera.model == "brown" else 1.0)
+    left, right, note = one_model(both, under, [(k, k) for k in range(8)])
+    assert (left, right) == both
+    assert "no one model does for both" in note
 
 
 def test_other_lenses_are_not_alike(twins):

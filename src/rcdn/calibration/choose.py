@@ -87,9 +87,11 @@ def held_out_rms(state: State, task: Task, free: Array) -> float:
 
 
 def rms(gaps: Real[Array, "n 2"], weight: Array) -> float:
-    """Root mean squared length of `gaps` (N, 2) of corners with a weight, px; NaN if there are none, infinite if one
-    has no projection."""
-    mine = gaps[weight > 0]
-    if not len(mine) or np.isnan(mine).all():
+    """Root mean squared length of `gaps` (N, 2), px, each by the square of its `weight` (N,): uncertain corners, as of
+    blurred pictures, count little, as they do in the fit. NaN if no corner has a weight, infinite if one of those has
+    no projection."""
+    mine = weight > 0
+    if not mine.any() or np.isnan(gaps[mine]).all():
         return float("nan")
-    return float(np.sqrt(np.nan_to_num((mine**2).sum(axis=1), nan=np.inf).mean()))
+    squares = np.nan_to_num((gaps[mine] ** 2).sum(axis=1), nan=np.inf)
+    return float(np.sqrt(np.average(squares, weights=weight[mine] ** 2)))

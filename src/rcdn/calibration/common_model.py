@@ -30,7 +30,7 @@ ENOUGH = 6
 """least number of pictures with which a camera keeps a model of its own; with fewer it takes that of the other
 camera"""
 WORSE = 1.5
-"""× a camera's least held-out error: a model with a larger error does not describe that camera"""
+"""× a camera's least held-out error, under whichever model: one with a larger error does not describe that camera"""
 
 
 def one_model(
@@ -107,8 +107,7 @@ def _common(candidates: dict[str, Both], pairs: Sequence[tuple[int, int]], given
     held = _held_out(list(candidates.values()), pairs)
     reaches = np.array([[reach(c.camera) for c in both] for both in candidates.values()])
     whole = reaches >= reaches.max(axis=0) - choose.LOST
-    least = np.where(whole, held[:, :2], np.inf).min(axis=0)
-    fair = whole.all(axis=1) & ~(held[:, :2] > WORSE * least).any(axis=1)
+    fair = whole.all(axis=1) & ~(held[:, :2] > WORSE * held[:, :2].min(axis=0)).any(axis=1)
     names = [m for m, f in zip(candidates, fair, strict=True) if f and given in ("", m)]
     if given or not names:
         return names[0] if names else ""
