@@ -41,8 +41,9 @@ def test_a_format_that_can_not_hold_the_model_is_told_before_the_work(run, monke
     monkeypatch.setattr(
         "rcdn.batch.calibration_outputs.print_unwritten", lambda path, reason: events.append(f"{path}: {reason}")
     )
-    gather = calibration_runs.Run.gather
-    monkeypatch.setattr(calibration_runs.Run, "gather", lambda *a, **k: events.append("work") or gather(*a, **k))
+    reader = calibration_runs.BoardReader
+    gather = reader.gather
+    monkeypatch.setattr(reader, "gather", lambda *a, **k: events.append("work") or gather(*a, **k))
     result = calibrate(run, "brown", "--model", "brown", "-o", "camchain.yaml", *OTHERS)
     assert result.exit_code == 1
     assert "Kalibr" in events[0]

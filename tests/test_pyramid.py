@@ -21,10 +21,10 @@ from rcdn.pyramid import (
     may_go_on,
     outside,
     plainly_seen,
-    settled,
     shown_nearby,
     unexplained,
     whole_views,
+    without_gaps,
 )
 from rcdn.synthetic import ORDINARY, Background, BoardSpec, Scene, Sensor, random_scene, render, truth
 from rcdn.types import Board, Corners, Status
@@ -223,8 +223,8 @@ def test_boards_with_holes_and_thin_ones_explain_nothing():
     keep = np.arange(54) != 20
     holed = Board(full.xy[keep], full.ij[keep], (640, 480), np.ones(53), np.zeros(53), "unique")
     for boards in ([], [holed], [full, thin]):
-        assert not settled(boards)
-    assert settled([full])
+        assert not without_gaps(boards)
+    assert without_gaps([full])
     assert unexplained(HALF, np.zeros((0, 2)), [full]).shape == (0,)
 
 
@@ -363,7 +363,7 @@ def test_a_complete_board_does_not_hide_another_that_only_a_reduced_view_shows()
 def test_views_that_are_passed_over_would_have_shown_nothing_new(seed, monkeypatch):
     grey = render(random_scene(np.random.default_rng(seed), ORDINARY, (480, 360)))
     quick = rcdn.Detector().detect(grey)
-    monkeypatch.setattr("rcdn.views.settled", lambda *_: False)
+    monkeypatch.setattr("rcdn.views.without_gaps", lambda *_: False)
     slow = rcdn.Detector().detect(grey)
     assert [b.xy.tobytes() for b in quick.boards] == [b.xy.tobytes() for b in slow.boards]
     assert quick.corners.xy.tobytes() == slow.corners.xy.tobytes()

@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rcdn.batch.calibration_runs import Problem, Run
+from rcdn.batch.calibration_runs import BoardReader, Problem
+from rcdn.batch.detection_settings import DetectionSettings
 from rcdn.batch.inputs import Gathered
 from rcdn.batch.rig_runs import solved
+from rcdn.config import DetectorConfig
 from rcdn.errors import CalibrationError
 from rcdn.geometry import rotation
 from rcdn.io import ImageResult
@@ -21,11 +23,12 @@ LATE = {"c0": 0, "c1": 53.3}
 LONG, CHOSEN = 400, 12
 
 
-class Filmed(Run):
+class Filmed(BoardReader):
     """Detections of a board that is waved before cameras of which one started its video later; no pictures."""
 
     def __init__(self):
-        self.size, self.failed, self.looked_at = None, False, 0
+        super().__init__(DetectionSettings(DetectorConfig(), None, 1, None), CHOSEN)
+        self.looked_at = 0
 
     def gather(self, inputs, numbers=None, cameras=1, behind=False, silent=None):
         name = inputs[0]
@@ -51,9 +54,9 @@ class Filmed(Run):
         return ImageResult(f"{name}.mp4#{number:06d}", width, height, Corners(np.zeros((0, 2)), [], []), tuple(boards))
 
 
-def rig_of(run, correct_time):
+def rig_of(reader, correct_time):
     problem = Problem(parse_spacing(f"{SPACING}m"), "auto", correct_time=correct_time)
-    return solved(run, {name: [name] for name in LATE}, problem, SCENE.cameras)[1]
+    return solved(reader, {name: [name] for name in LATE}, problem, SCENE.cameras)[1]
 
 
 def test_a_video_that_was_started_later_is_brought_into_step():
@@ -67,7 +70,7 @@ def test_a_video_that_was_started_later_is_brought_into_step():
 
 
 def test_other_frames_are_looked_at_only_where_time_is_to_be_corrected():
-    run = Filmed()
+    reader = Filmed()
     with pytest.raises(CalibrationError, match="no two cameras agree"):
-        rig_of(run, correct_time=False)
-    assert run.looked_at <= 2 * CHOSEN + 2 * 2 * CHOSEN
+        rig_of(reader, correct_time=False)
+    assert reader.looked_at <= 2 * CHOSEN + 2 * 2 * CHOSEN

@@ -54,6 +54,28 @@ def test_deviations_that_are_true_are_called_so():
     assert Curve(counts, 3 * off, stated).stated_by_true == pytest.approx(1 / 3, abs=0.02)
 
 
+def test_an_evaluation_goes_on_where_it_was_ended(tmp_path, monkeypatch):
+    """Only people that the file doesn't hold, or of other code, are simulated again; the figures are the same."""
+    done = []
+
+    def errors_of(run):
+        done.append(run)
+        return np.array([[0.4 / (1 + run.seed), np.nan], [0.1, 0.2]])
+
+    monkeypatch.setattr(suite, "errors_of", errors_of)
+    monkeypatch.setattr(suite, "COUNTS", (6, 10))
+    kept = suite.Kept(tmp_path / "people.jsonl", "a")
+    first = suite.rows_of(1, 10, 1, kept=kept)
+    people = len(done)
+    assert people == len(suite.PEOPLE) * len(suite.LENSES) * len(suite.BOARDS)
+    assert suite.rows_of(1, 10, 1, kept=kept) == first
+    assert len(done) == people
+    suite.rows_of(2, 10, 1, kept=kept)
+    assert {run.seed for run in done[people:]} == {1}
+    suite.rows_of(1, 10, 1, kept=replace(kept, commit="b"))
+    assert len(done) == 3 * people
+
+
 def test_poses_at_random_fill_the_frame():
     scene, rng = Scene(BROWN, None), np.random.default_rng(1)
     middles = np.array([scene.anywhere(rng).xy.mean(axis=0) for _ in range(100)])

@@ -24,7 +24,7 @@ from rcdn.types.arrays import Bool, Real, Shaped
 SMALL_PICTURE = 330 * 250
 """px; an image up to this size is also processed enlarged, unless its boards are clearly visible"""
 PLAIN = 10.0
-"""px; from this size of squares on, a settled board that the image border does not cut needs no other view"""
+"""px; from this size of squares on, a board without gaps that the image border does not cut needs no other view"""
 NEXT = (0.8, 1.5)
 """squares beyond a board's rim: the nearest and the farthest extent of its next corner together with its
 surroundings"""
@@ -148,7 +148,7 @@ def pictures_of(grey: Shaped[Array, "h w"], views: list[View]) -> list[Array]:
     return out
 
 
-def settled(boards: list[Board]) -> bool:
+def without_gaps(boards: list[Board]) -> bool:
     """Whether there are boards, and none of them has missing corners inside."""
     return bool(boards) and all(board.complete and min(board.size) > 2 for board in boards)
 
@@ -200,14 +200,14 @@ def _cells_under(mask: Shaped[Array, "h w"], shape: tuple[int, ...]) -> Array:
 
 
 def plainly_seen(boards: list[Board], strong: Array, shape: tuple[int, ...], scale: float = 1.0) -> bool:
-    """Whether there are boards, all settled, whose squares need no larger view than that of `scale`, and whose rims are
-    real.
+    """Whether there are boards, all without gaps, whose squares need no larger view than that of `scale`, and whose
+    rims are real.
 
     A rim is real if no `strong` corner (N, 2) px lies near the predicted next corners beyond it, and none of these is
     `at_the_frame` of the image (H, W), where only the full image can show them.
     """
     least = PLAIN if scale == 1 else PLAIN_REDUCED / scale
-    if not settled(boards) or any(pitch_of(board) < least for board in boards):
+    if not without_gaps(boards) or any(pitch_of(board) < least for board in boards):
         return False
     rim, second, _ = _rims(boards)
     return (

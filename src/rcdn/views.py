@@ -34,11 +34,11 @@ from rcdn.pyramid import (
     outside,
     pictures_of,
     plainly_seen,
-    settled,
     shown_nearby,
     trace_cells,
     unexplained,
     whole_views,
+    without_gaps,
 )
 from rcdn.types import AprilGrid, Array, Board, Corners, Warnings
 from rcdn.types.arrays import Shaped
@@ -106,7 +106,7 @@ class Views:
         shadows."""
         boards = distinct_boards([result.boards for result in results])
         if boards:
-            return not settled(boards)
+            return not without_gaps(boards)
         return any(len(result.strong) >= HIDDEN and result.cells() >= HIDDEN_CELLS for result in results)
 
     def _shown(self, part: Shaped[Array, "h w"]) -> Array:
@@ -118,7 +118,7 @@ class Views:
         parts = dict(zip(views, map(self._shown, pictures_of(self.grey, views)), strict=True))
         out, plain = self._first(parts)
         known, seen = distinct_boards([result.boards for result in out]), [result.view for result in out]
-        strong, complete = joint([result.strong for result in out], (0, 2)), known if settled(known) else []
+        strong, complete = joint([result.strong for result in out], (0, 2)), known if without_gaps(known) else []
         for view in [view for view in views if view not in seen]:
             if view.scale < 1:
                 out.append(self._detect(view, parts[view], complete))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rcdn.calibration import calibrate
-from rcdn.calibration.observability import deviations, tilt, unsettled
+from rcdn.calibration.observability import deviations, tilt, undetermined
 from rcdn.errors import CalibrationError
 from rcdn.geometry import rotation
 from rcdn.types import Pose
@@ -37,7 +37,7 @@ def tilted(degrees, views, seed=0, noise=0.1, one_axis=False, camera=PINHOLE):
 @pytest.mark.parametrize("views", [4, 10])
 def test_tilted_boards_settle_everything(degrees, model, views):
     done = calibrate(tilted(degrees, views, views), SPACING, model=model)
-    assert unsettled(done) == ()
+    assert undetermined(done) == ()
     assert abs(np.log(done.camera.K[0, 0] / 520)) < 4 * deviations(done)[0] + 0.005
 
 
@@ -48,7 +48,7 @@ def test_boards_that_face_the_camera_do_not_settle_the_focal_length(seed, degree
         done = calibrate(tilted(degrees, 8, seed, noise), SPACING, model="pinhole")
     except CalibrationError:  # it knows itself
         return
-    first, *_ = unsettled(done)
+    first, *_ = undetermined(done)
     assert first.quantity == "focal length"
     assert first.deviation > 0.05
     assert "faces the camera in all 8 views" in first.sentence
@@ -74,7 +74,7 @@ def test_views_without_tilt_tell_nothing_even_if_they_agree():
         views.append(replace(view, pose=Pose(T)))
     flat = replace(done, views=tuple(views))
     assert tilt(flat) == pytest.approx((0, 0), abs=1e-6)
-    first, *_ = unsettled(flat)
+    first, *_ = undetermined(flat)
     assert first.quantity == "focal length"
     assert "any value fits" in first.sentence
 

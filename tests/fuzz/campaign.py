@@ -30,7 +30,7 @@ START = 120.0
 DEATHS = 20
 """deaths after which a target is given up"""
 WORKER = ("-m", "tests.fuzz.worker")
-MOST = 2**62
+ENDLESS = 2**62
 
 
 @dataclass
@@ -77,7 +77,7 @@ def run_campaign(
     `engine`: None for each target's usual one."""
     each = workers * seconds / sum(t.share for t in targets)
     jobs = [
-        Job(t.name, engine or default_engine(t.guided), seed, 0, inputs or MOST, each * t.share, "") for t in targets
+        Job(t.name, engine or default_engine(t.guided), seed, 0, inputs or ENDLESS, each * t.share, "") for t in targets
     ]
     jobs.sort(key=lambda job: -job.seconds)
 

@@ -15,7 +15,7 @@ from tests.fuzz.texts import valid_board
 from rcdn import Detector, DetectorConfig, read_image
 from rcdn.types import Array
 
-MOST = 128
+LARGEST_SIDE = 128
 """px, the longer side of pictures that boards are looked for in"""
 DTYPES = (
     "u1",
@@ -67,9 +67,9 @@ def valid_grey(grey: Array) -> None:
 
 def array(source: Source) -> Array:
     """A picture or what isn't one: any type and shape, of noise, boards, few values or odd ones."""
-    height, width = (source.choice((1, 2, 3, 5, 8, 13, 24, 31, 48, 64, 65, 100, MOST)) for _ in range(2))
+    height, width = (source.choice((1, 2, 3, 5, 8, 13, 24, 31, 48, 64, 65, 100, LARGEST_SIDE)) for _ in range(2))
     if source.chance(3):
-        height, width = 1 + source.below(MOST), 1 + source.below(MOST)
+        height, width = 1 + source.below(LARGEST_SIDE), 1 + source.below(LARGEST_SIDE)
     tail = source.choice(((), (), (), (), (3,), (4,), (1,), (2,), (0,), (3, 1)))
     grey = _content(source, height, width)
     values = grey if not tail else np.broadcast_to(grey.reshape(*grey.shape, *[1] * len(tail)), (*grey.shape, *tail))

@@ -9,7 +9,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Any, BinaryIO
 
-MOST = 60
+MOST_CALLS = 60
 """calls of one kernel"""
 
 
@@ -34,7 +34,7 @@ def recorded(name: str, kernel: Any, specs: Any, file: BinaryIO, made: Counter[s
     """The kernel, whose first calls are written down."""
 
     def call(*given: Any) -> Any:
-        if made[name] >= MOST:
+        if made[name] >= MOST_CALLS:
             return kernel(*given)
         made[name] += 1
         file.write(name.encode().ljust(64, b"\0"))

@@ -228,19 +228,19 @@ def test_a_hundred_noisy_pictures_stay_below_six_megabytes(tmp_path):
 
 
 def test_what_is_left_away_is_told(tmp_path):
-    calibration = simulated(many=pictures.MOST + 40)
+    calibration = simulated(many=pictures.MOST_PICTURES + 40)
     views = list(calibration.views)
     views[77] = replace(views[77], reason="blurred", used=np.zeros(len(views[77]), bool))
     calibration = replace(calibration, views=tuple(views))
     blank = np.full(SIZE[::-1], 128, np.uint8)
     page = Page(written(tmp_path, calibration, lambda name: None if name == "view077.png" else blank))
-    assert f"{pictures.MOST} of {pictures.MOST + 40} pictures are shown" in page.text
+    assert f"{pictures.MOST_PICTURES} of {pictures.MOST_PICTURES + 40} pictures are shown" in page.text
     assert "1 photograph couldn’t be shown" in page.text
     assert "view-78" in page.values("id")
 
 
 def test_links_lead_somewhere_though_pictures_are_left_away(tmp_path):
-    page = Page(written(tmp_path, simulated(many=pictures.MOST + 40)))
+    page = Page(written(tmp_path, simulated(many=pictures.MOST_PICTURES + 40)))
     assert {h[1:] for h in page.values("href") if h.startswith("#")} <= set(page.values("id"))
 
 

@@ -28,7 +28,7 @@ def convolved(values, weight, bias, stride):
 
 
 def expected(layers, normalisation, preset, count, size):
-    top = [np.full(len(bias), module.LEAST) for _, bias, _ in layers[:-1]]
+    top = [np.full(len(bias), module.LEAST_RANGE) for _, bias, _ in layers[:-1]]
     for seed in range(module.FIRST, module.FIRST + count):
         values = normalise(random_crop(seed, size, PRESETS[preset])[0], normalisation)[None].astype(float)
         for k, layer in enumerate(layers[:-1]):
@@ -64,7 +64,7 @@ def test_ranges_are_the_largest_values(layers, normalisation, preset):
     assert [len(values) for values in found] == [3, 4]
     for values, right in zip(found, known, strict=True):
         np.testing.assert_allclose(values, right, atol=2e-4, rtol=1e-5)
-    assert found[1][2] == module.LEAST
+    assert found[1][2] == module.LEAST_RANGE
     assert min(found[0]) > 0.05
 
 

@@ -7,9 +7,11 @@ below a target.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from itertools import product
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -56,7 +58,7 @@ COUNTS = (4, 5, 6, 7, 8, 9, 10, 12, 14, 17, 20, 24, 29, 35, 42, 50)
 """numbers of pictures after which a camera is evaluated"""
 TARGETS = (0.1, 0.3)
 """px, in the corners of the frame: the goal, and what bent boards allow"""
-SETTLED = 6
+COMPARED_FROM = 6
 """least number of pictures for which stated deviations are compared with errors"""
 MIDDLE = np.array([(SIZE[0] - 1) / 2, (SIZE[1] - 1) / 2, 0]) * SPACING
 
@@ -177,9 +179,9 @@ class Curve:
 
     @property
     def stated_by_true(self) -> float:
-        """1 ÷ the root mean square of error ÷ stated deviation, over all runs, from SETTLED pictures on: 1 if
+        """1 ÷ the root mean square of error ÷ stated deviation, over all runs, from COMPARED_FROM pictures on: 1 if
         deviations are what they say, less if errors are larger."""
-        ratio = (self.off / self.stated)[:, self.counts >= SETTLED]
+        ratio = (self.off / self.stated)[:, self.counts >= COMPARED_FROM]
         return float(1 / np.sqrt(np.nanmean(ratio**2)))
 
 
@@ -231,13 +233,44 @@ def _root_mean(values: Array) -> float:
     return float(np.sqrt(known.mean())) if len(known) else float("nan")
 
 
+@dataclass(frozen=True)
+class Kept:
+    """The errors of runs in the file `path`, a line for each, so that a long evaluation goes on where it was ended;
+    `commit` of the code: lines of another one don't count."""
+
+    path: Path
+    commit: str
+
+    def read(self) -> dict[Run, Array]:
+        """(2, K) errors and stated deviations of each run that the file holds."""
+        lines = self.path.read_text().splitlines() if self.path.exists() else []
+        mine = [record for record in map(json.loads, lines) if record["commit"] == self.commit]
+        return {Run(**record["run"]): np.array(record["errors"], float) for record in mine}
+
+    def add(self, run: Run, errors: Array) -> None:
+        """Append a line."""
+        record = {"commit": self.commit, "run": asdict(run), "errors": errors.tolist()}
+        with self.path.open("a") as file:
+            file.write(json.dumps(record) + "\n")
+
+
 def rows_of(
-    runs: int, most: int, workers: int, progress: Callable[[int, int], None] | None = None
+    runs: int,
+    most: int,
+    workers: int,
+    progress: Callable[[int, int], None] | None = None,
+    kept: Kept | None = None,
 ) -> list[dict[str, Any]]:
-    """The figures of each lens and kind of board, from `runs` people of each kind, by `workers` processes."""
+    """The figures of each lens and kind of board, from `runs` people of each kind, by `workers` processes; those that
+    are `kept` are not computed again."""
     cells = list(product(LENSES, BOARDS))
     tasks = [Run(p, *cell, seed, most) for cell in cells for p in PEOPLE for seed in range(runs)]
-    found = dict(zip(tasks, share_out(errors_of, tasks, workers, progress=progress), strict=True))
+    found = {} if kept is None else kept.read()
+    missing = [task for task in tasks if task not in found]
+    for task, errors in zip(missing, share_out(errors_of, missing, workers, progress=progress), strict=True):
+        found[task] = errors
+        if kept is not None:
+            kept.add(task, errors)
     rows = []
     for cell in cells:
         curves = {}

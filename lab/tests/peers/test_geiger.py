@@ -124,7 +124,7 @@ def test_a_corner_is_found_with_its_directions():
 def test_only_the_likeliest_corners_are_looked_at(monkeypatch):
     """This bounds the time on texture."""
     made = picture(BASE, [27, 0], SIZE)
-    monkeypatch.setattr(geiger_corners, "MOST", 20)
+    monkeypatch.setattr(geiger_corners, "MOST_CORNERS", 20)
     assert 10 < len(geiger_corners.geiger_corners(made.image).xy) <= 20
 
 

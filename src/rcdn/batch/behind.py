@@ -14,7 +14,7 @@ from rcdn.errors import many
 from rcdn.terminal import console
 
 if TYPE_CHECKING:
-    from rcdn.batch.calibration_runs import Run
+    from rcdn.batch.calibration_runs import BoardReader
     from rcdn.batch.inputs import Gathered
 
 
@@ -55,7 +55,7 @@ def two_sided(cache: Cache | None) -> Cache | None:
     return replace(cache, salt=hashlib.sha256(f"{cache.salt} {code}".encode()).hexdigest())
 
 
-def seen_from_behind(run: Run, name: str, inputs: Sequence[str], got: Gathered) -> Gathered:
+def seen_from_behind(reader: BoardReader, name: str, inputs: Sequence[str], got: Gathered) -> Gathered:
     """`got` with the boards identified that the camera `name` sees from behind; `got` unchanged if there are none."""
     from rcdn.types.limits import READ_IN_A_MIRROR
 
@@ -67,4 +67,4 @@ def seen_from_behind(run: Run, name: str, inputs: Sequence[str], got: Gathered) 
         "(a print that shines through, or a mirrored one); if the pictures themselves are mirrored (selfie "
         "mode), flip them first"
     )
-    return run.gather(inputs, got.frames or None, behind=True)
+    return reader.gather(inputs, got.frames or None, behind=True)

@@ -126,9 +126,9 @@ class Outputs:
 
     def kept(self, *calibrations: Calibration) -> bool:
         """Whether camera files are written: with `force`, or if the views determine every one of the `calibrations`."""
-        from rcdn.calibration.observability import unsettled
+        from rcdn.calibration.observability import undetermined
 
-        return self.force or not any(unsettled(c) for c in calibrations)
+        return self.force or not any(undetermined(c) for c in calibrations)
 
     def write(
         self,

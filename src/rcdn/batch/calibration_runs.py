@@ -9,15 +9,13 @@ from itertools import accumulate
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rcdn.batch.cache import Cache
 from rcdn.batch.calibration_outputs import Outputs
+from rcdn.batch.detection_settings import DetectionSettings
 from rcdn.batch.no_board import note_target
 from rcdn.batch.pair_file import PairFile
-from rcdn.config import DetectorConfig
 from rcdn.errors import CalibrationError, ConfigError, many
 from rcdn.terminal import console
 from rcdn.terminal.group import one_line
-from rcdn.terminal.options import GridSize
 from rcdn.terminal.spacing import Length, Lengths, check_spacing, metres, sizes_of
 
 if TYPE_CHECKING:
@@ -34,15 +32,18 @@ FEWEST_FRAMES = 8
 """fewest frames chosen from the video of each of more than two cameras"""
 
 
-class Run:
-    """Settings for detection, shared by all inputs; `failed`: some file could not be read or written."""
+class BoardReader:
+    """Reads the boards of all inputs with the same `settings`, at most `frames` of each video; `failed`: some file
+    could not be read or written."""
 
-    def __init__(
-        self, config: DetectorConfig, store: Cache | None, jobs: int, frames: int, size: GridSize | None
-    ) -> None:
-        self.size = None if size is None else (size.cols, size.rows)
+    def __init__(self, settings: DetectionSettings, frames: int) -> None:
+        self.settings, self.frames = settings, frames
         self.failed = False
-        self._settings = (config, store, jobs, frames)
+
+    @property
+    def size(self) -> tuple[int, int] | None:
+        """(columns, rows) of the boards, None if not given."""
+        return self.settings.size
 
     def gather(
         self,
@@ -52,36 +53,19 @@ class Run:
         behind: bool = False,
         silent: str | None = None,
     ) -> Gathered:
-        """The boards in `inputs`; with `behind` also those whose codes are seen from behind. `silent`: as for
-        `rcdn.batch.inputs.gather`.
+        """The boards in `inputs`, as by `DetectionSettings.gather`.
 
         With more than two `cameras`, fewer frames are chosen from each video: in total about twice as many as for one
         camera. Raises CalibrationError if there are no boards.
         """
-        from rcdn.batch.behind import make_two_sided, two_sided
-        from rcdn.batch.inputs import gather
-        from rcdn.batch.work import make_detector
-
-        config, store, jobs, frames = self._settings
-        frames = frames if cameras <= 2 else max(FEWEST_FRAMES, 2 * frames // cameras)
-        store, make = (two_sided(store), make_two_sided) if behind else (store, make_detector)
-        got = gather(
-            inputs,
-            config,
-            jobs=jobs,
-            cache=store,
-            frames=frames,
-            numbers=numbers,
-            size=self.size,
-            make=make,
-            silent=silent,
-        )
+        frames = self.frames if cameras <= 2 else max(FEWEST_FRAMES, 2 * self.frames // cameras)
+        got = self.settings.gather(inputs, numbers, frames=frames, behind=behind, silent=silent)
         self.failed = self.failed or bool(got.failures)
         for note in got.notes:
             console.note(note)
         if not any(image.boards for image in got.images):
             raise CalibrationError(_no_board(got.images))
-        note_target(config.target, got)
+        note_target(self.settings.config.target, got)
         return got
 
     def check(self, got: Gathered, spacing: Length | Lengths) -> None:
@@ -120,7 +104,7 @@ class Problem:
     fixed_boards: bool = False
 
 
-def one_camera(run: Run, inputs: Sequence[str], problem: Problem, outputs: Outputs) -> Verdict | None:
+def one_camera(reader: BoardReader, inputs: Sequence[str], problem: Problem, outputs: Outputs) -> Verdict | None:
     """Calibrate the camera of `inputs`, print a summary, and write the outputs."""
     from rcdn.batch import camera_files
     from rcdn.calibration.next_view import advised
@@ -128,13 +112,13 @@ def one_camera(run: Run, inputs: Sequence[str], problem: Problem, outputs: Outpu
     from rcdn.report.calibration import write_report
     from rcdn.terminal import camera_text
 
-    got = run.gather(inputs)
-    run.check(got, problem.spacing)
-    done = _solved(run, problem, *flat(got.images))
+    got = reader.gather(inputs)
+    reader.check(got, problem.spacing)
+    done = _solved(reader, problem, *flat(got.images))
     done = advised(done)
     views = camera_text.cut_lines(done) + camera_text.left_out_lines(done)
     _print_results(done, camera_text.camera_lines(done), views)
-    run.failed |= not outputs.write(
+    reader.failed |= not outputs.write(
         outputs.kept(done),
         lambda path: camera_files.write_calibrated(path, done, outputs.format),
         lambda path: write_calibration(path, done),
@@ -143,12 +127,12 @@ def one_camera(run: Run, inputs: Sequence[str], problem: Problem, outputs: Outpu
     return done.verdict
 
 
-def _solved(run: Run, problem: Problem, boards: Sequence[Board], names: Sequence[str]) -> Calibration:
+def _solved(reader: BoardReader, problem: Problem, boards: Sequence[Board], names: Sequence[str]) -> Calibration:
     """The calibration; if `problem.select` is given, only from so many pictures, and by the lens model of all."""
     from rcdn.calibration import calibrate
     from rcdn.calibration.selection import selected
 
-    solve = partial(calibrate, size=run.size, flat=problem.flat, fix=problem.fix)
+    solve = partial(calibrate, size=reader.size, flat=problem.flat, fix=problem.fix)
     spacing = metres(problem.spacing)
     done = solve(boards, spacing, names=names, model=problem.model, leave_out=problem.leave_out)
     if problem.select is None:
@@ -169,7 +153,7 @@ def _solved(run: Run, problem: Problem, boards: Sequence[Board], names: Sequence
 
 
 def two_cameras(
-    run: Run, inputs: Sequence[str], problem: Problem, outputs: Outputs, pair_file: PairFile | None
+    reader: BoardReader, inputs: Sequence[str], problem: Problem, outputs: Outputs, pair_file: PairFile | None
 ) -> Verdict | None:
     """Calibrate the left and the right camera of `inputs`, print a summary, and write the outputs."""
     from rcdn.batch import camera_files
@@ -178,20 +162,26 @@ def two_cameras(
     from rcdn.report.calibration import write_stereo_report
     from rcdn.terminal import camera_text
 
-    left = run.gather(inputs[:1])
-    right = run.gather(inputs[1:], left.frames or None)
-    run.check(left, problem.spacing)
-    run.check(right, problem.spacing)
+    left = reader.gather(inputs[:1])
+    right = reader.gather(inputs[1:], left.frames or None)
+    reader.check(left, problem.spacing)
+    reader.check(right, problem.spacing)
     pairs = _paired_boards(left, right, pair_file)
     (boards, names), (others, theirs) = flat(left.images), flat(right.images)
     done = calibrate_stereo(
-        boards, others, metres(problem.spacing), pairs=pairs, names=(names, theirs), model=problem.model, size=run.size
+        boards,
+        others,
+        metres(problem.spacing),
+        pairs=pairs,
+        names=(names, theirs),
+        model=problem.model,
+        size=reader.size,
     )
     out = camera_text.left_out_lines(done.left) + camera_text.left_out_lines(done.right)
     _print_results(done, camera_text.stereo_lines(done), out)
     if hint := camera_text.swapped_hint(done):
         console.note(hint)
-    run.failed |= not outputs.write(
+    reader.failed |= not outputs.write(
         outputs.kept(done.left, done.right),
         lambda path: camera_files.write_pair(path, done, outputs.format),
         lambda path: write_calibration(path, done),

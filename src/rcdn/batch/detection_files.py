@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Found:
+class Contents:
     """What is written: the `images`, which may be iterated over again; their records in JSON, `lines`; path and message
     of each file that failed; `size`: the board's columns and rows, None if not given."""
 
@@ -39,10 +39,10 @@ class DetectionFormat(ABC):
         return ""
 
     @abstractmethod
-    def write(self, path: Path, found: Found) -> tuple[int, int] | None:
+    def write(self, path: Path, contents: Contents) -> tuple[int, int] | None:
         """Write a file. Returns the boards' columns and rows if a file has boards of one size only."""
 
-    def left_out(self, found: Found, size: tuple[int, int] | None) -> list[str]:
+    def left_out(self, contents: Contents, size: tuple[int, int] | None) -> list[str]:
         """Sentences on what a file doesn't hold of what was found; `size` as `write` returned it."""
         return []
 
@@ -52,10 +52,10 @@ class Json(DetectionFormat):
 
     name = "json"
 
-    def write(self, path: Path, found: Found) -> tuple[int, int] | None:
+    def write(self, path: Path, contents: Contents) -> tuple[int, int] | None:
         from rcdn.io import write_lines
 
-        write_lines(path, found.lines, found.failed)
+        write_lines(path, contents.lines, contents.failed)
         return None
 
 
@@ -64,14 +64,14 @@ class Csv(DetectionFormat):
 
     name = "csv"
 
-    def write(self, path: Path, found: Found) -> tuple[int, int] | None:
+    def write(self, path: Path, contents: Contents) -> tuple[int, int] | None:
         from rcdn.io import write_csv
 
-        write_csv(path, found.images)
+        write_csv(path, contents.images)
         return None
 
-    def left_out(self, found: Found, size: tuple[int, int] | None) -> list[str]:
-        return [f"left out: {', '.join(['responses', *_lost(found)])}"]
+    def left_out(self, contents: Contents, size: tuple[int, int] | None) -> list[str]:
+        return [f"left out: {', '.join(['responses', *_lost(contents)])}"]
 
 
 class Vnl(DetectionFormat):
@@ -87,26 +87,26 @@ class Vnl(DetectionFormat):
             return ""
         return f"mrcal can't read the path {picture!r} (spaces, non-ASCII, #); rename it"
 
-    def write(self, path: Path, found: Found) -> tuple[int, int] | None:
+    def write(self, path: Path, contents: Contents) -> tuple[int, int] | None:
         from rcdn.io import write_vnl
 
-        return write_vnl(path, found.images, found.size)
+        return write_vnl(path, contents.images, contents.size)
 
-    def left_out(self, found: Found, size: tuple[int, int] | None) -> list[str]:
+    def left_out(self, contents: Contents, size: tuple[int, int] | None) -> list[str]:
         boards = 0
-        for image in found.images:
+        for image in contents.images:
             fit = size is not None and any(board.grid_of(size) is not None for board in image.boards)
             boards += len(image.boards) - fit
-        parts = ["deviations and responses", *[many(boards, "board")] * (boards > 0), *_lost(found)]
+        parts = ["deviations and responses", *[many(boards, "board")] * (boards > 0), *_lost(contents)]
         held = [] if size is None else [f"holds one board of {size[0]}×{size[1]} corners a picture"]
         return [*held, f"left out: {', '.join(parts)}"]
 
 
-def _lost(found: Found) -> list[str]:
+def _lost(contents: Contents) -> list[str]:
     """The corners outside boards, and the files that failed, if there are any."""
-    loose = sum(len(image.corners) - sum(map(len, image.boards)) for image in found.images)
+    loose = sum(len(image.corners) - sum(map(len, image.boards)) for image in contents.images)
     parts = [many(loose, "corner outside boards", "corners outside boards")] * (loose > 0)
-    failed = len(found.failed)
+    failed = len(contents.failed)
     return parts + [many(failed, "file that could not be read", "files that could not be read")] * (failed > 0)
 
 

@@ -31,7 +31,7 @@ def write_camera_files(folder: Path, names: Sequence[str], boards: Sequence[Boar
     from rcdn.batch.pictures import Pictures
     from rcdn.calibration import calibrate
     from rcdn.calibration.next_view import advised
-    from rcdn.calibration.observability import unsettled
+    from rcdn.calibration.observability import undetermined
     from rcdn.calibration.plain_lens import plain_fit
     from rcdn.io import write_camera
     from rcdn.live.folder import PICTURES
@@ -44,7 +44,7 @@ def write_camera_files(folder: Path, names: Sequence[str], boards: Sequence[Boar
         write_camera(path, done.camera, fit=plain_fit(str(path), done))
         return [path]
 
-    doubt = "The camera is not written: these pictures don't settle it." if unsettled(done) else ""
+    doubt = "The camera is not written: these pictures don't settle it." if undetermined(done) else ""
     report = lambda path: write_report(path, done, Pictures(paths))  # noqa: E731
     return _write(folder, done, CAMERAS, write, report, doubt)
 
@@ -55,7 +55,7 @@ def write_pair_files(folder: Path, names: Sequence[str], moments: Sequence[Momen
     from rcdn.batch.pictures import Pictures
     from rcdn.calibration import calibrate_stereo
     from rcdn.calibration.guidance.pair_estimate import by_camera
-    from rcdn.calibration.observability import unsettled
+    from rcdn.calibration.observability import undetermined
     from rcdn.io import write_stereo
     from rcdn.live.folder import SIDES
     from rcdn.report.calibration import write_stereo_report
@@ -66,7 +66,7 @@ def write_pair_files(folder: Path, names: Sequence[str], moments: Sequence[Momen
     done = calibrate_stereo(
         left, right, spacing, pairs=pairs, names=(paths[0], paths[1]), model=settings.model, size=settings.size
     )
-    open_ = any(unsettled(side) for side in (done.left, done.right))
+    open_ = any(undetermined(side) for side in (done.left, done.right))
     doubt = "The cameras are not written: these pictures don't settle them." if open_ else ""
     report = lambda path: write_stereo_report(path, done, Pictures(paths[0]), Pictures(paths[1]))  # noqa: E731
     return _write(folder, done, PAIR, lambda path: write_stereo(path, done), report, doubt)

@@ -11,7 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
-from rcdn.batch.detection_files import DetectionFormat, Found
+from rcdn.batch.detection_files import Contents, DetectionFormat
 from rcdn.errors import OutputError, RcdnError
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ class Outputs:
 
         for _ in range(2):
             try:
-                format.write(path, Found(_Images(self), self._kept(), failed, self._board))
+                format.write(path, Contents(_Images(self), self._kept(), failed, self._board))
             except RcdnError as error:
                 cause = error.__cause__
                 if isinstance(cause, OSError) and cause.errno in FULL and self._spool.leave(_folder(path)):

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from rcdn.batch.behind import seen_from_behind
-from rcdn.batch.calibration_runs import Problem, Run, flat
+from rcdn.batch.calibration_runs import BoardReader, Problem, flat
 from rcdn.batch.pairs import stems
 from rcdn.errors import CalibrationError, many
 from rcdn.terminal import console
@@ -22,7 +22,7 @@ DENSE, FOR_LENS = 300, 30
 
 
 def in_step(
-    run: Run,
+    reader: BoardReader,
     cameras: Mapping[str, Sequence[str]],
     found: Mapping[str, Gathered],
     problem: Problem,
@@ -44,9 +44,9 @@ def in_step(
         "far they are out of step"
     )
     try:
-        dense = {name: run.gather(inputs, (numbers,), silent=READ_IN_A_MIRROR) for name, inputs in cameras.items()}
-        lenses = [known.get(name) or _lens(run, found[name], problem) for name in cameras]
-        posed = [_posed(run, dense[name], problem, lens) for name, lens in zip(cameras, lenses, strict=True)]
+        dense = {name: reader.gather(inputs, (numbers,), silent=READ_IN_A_MIRROR) for name, inputs in cameras.items()}
+        lenses = [known.get(name) or _lens(reader, found[name], problem) for name in cameras]
+        posed = [_posed(reader, dense[name], problem, lens) for name, lens in zip(cameras, lenses, strict=True)]
     except CalibrationError:
         return None
     late = dict(zip(cameras, _lags(posed), strict=True))
@@ -56,7 +56,7 @@ def in_step(
     out = {}
     for name, inputs in cameras.items():
         frames = tuple(sorted(m - late[name] for m in moments if m >= late[name]))
-        out[name] = seen_from_behind(run, name, inputs, run.gather(inputs, (frames,), silent=READ_IN_A_MIRROR))
+        out[name] = seen_from_behind(reader, name, inputs, reader.gather(inputs, (frames,), silent=READ_IN_A_MIRROR))
     return out
 
 
@@ -79,20 +79,20 @@ def _lags(cameras: Sequence[Calibration]) -> list[int]:
     return [found.get(c, 0) for c in range(len(cameras))]
 
 
-def _lens(run: Run, found: Gathered, problem: Problem) -> Camera:
+def _lens(reader: BoardReader, found: Gathered, problem: Problem) -> Camera:
     from rcdn.calibration import calibrate
 
     boards, names = flat(found.images)
     some = slice(None, None, -(-len(boards) // FOR_LENS))
     return calibrate(
-        boards[some], metres(problem.spacing), names=names[some], model=problem.model, size=run.size
+        boards[some], metres(problem.spacing), names=names[some], model=problem.model, size=reader.size
     ).camera
 
 
-def _posed(run: Run, found: Gathered, problem: Problem, lens: Camera) -> Calibration:
+def _posed(reader: BoardReader, found: Gathered, problem: Problem, lens: Camera) -> Calibration:
     """The poses of all boards of a camera."""
     from rcdn.calibration.coded import Geometries
     from rcdn.calibration.known_lens import with_known_lens
 
     boards, names = flat(found.images)
-    return with_known_lens(boards, Geometries.of(boards, metres(problem.spacing), run.size), names, lens)
+    return with_known_lens(boards, Geometries.of(boards, metres(problem.spacing), reader.size), names, lens)

@@ -4,17 +4,14 @@ see it."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rcdn.batch.behind import make_two_sided, two_sided
-from rcdn.batch.cache import Cache
+from rcdn.batch.detection_settings import DetectionSettings
 from rcdn.batch.moments import cameras_in, chosen_by_any, moments_of
 from rcdn.batch.no_board import note_target
 from rcdn.batch.pose_outputs import tell_poses
-from rcdn.config import DetectorConfig
 from rcdn.errors import ConfigError
 from rcdn.terminal import console
 from rcdn.terminal.group import one_line
@@ -28,34 +25,6 @@ EVERY = 10**9
 """limit on the frames of a video, so large that all sharp and different ones are used"""
 
 
-@dataclass(frozen=True)
-class DetectionSettings:
-    """Settings for detection; `size`: (columns, rows) of the boards to use, or None for any."""
-
-    config: DetectorConfig
-    store: Cache | None
-    jobs: int
-    size: tuple[int, int] | None
-
-    def gather(self, inputs: Sequence[str], numbers: Numbers | None = None) -> Gathered:
-        """The boards in `inputs`, including those whose codes are seen from behind; of videos in the frames with these
-        `numbers`, if they are given."""
-        from rcdn.batch.inputs import gather
-
-        got = gather(
-            inputs,
-            self.config,
-            jobs=self.jobs,
-            cache=two_sided(self.store),
-            frames=EVERY,
-            numbers=numbers,
-            size=self.size,
-            make=make_two_sided,
-        )
-        note_target(self.config.target, got)
-        return got
-
-
 def rig_poses(
     path: Path, inputs: Sequence[str], length: Length | Lengths, settings: DetectionSettings, json: Path | None
 ) -> None:
@@ -67,11 +36,11 @@ def rig_poses(
 
     rig = read_rig(path)
     cameras = _named(rig, cameras_in(inputs), path)
-    found = {name: settings.gather(each) for name, each in cameras.items()}
+    gather = partial(_gathered, settings)
+    found = {name: gather(each) for name, each in cameras.items()}
     chosen = chosen_by_any([got.frames for got in found.values()])
     found = {
-        name: settings.gather(cameras[name], chosen) if chosen and got.frames != chosen else got
-        for name, got in found.items()
+        name: gather(cameras[name], chosen) if chosen and got.frames != chosen else got for name, got in found.items()
     }
     check_spacing(length, sizes_of([b for got in found.values() for i in got.images for b in i.boards], settings.size))
 
@@ -81,6 +50,14 @@ def rig_poses(
 
     wanted = ((moment, partial(solved, moment, boards)) for moment, boards in _moments(found, settings.size).items())
     tell_poses(wanted, "rig_poses", length, json, [*found.values()])
+
+
+def _gathered(settings: DetectionSettings, inputs: Sequence[str], numbers: Numbers | None = None) -> Gathered:
+    """The boards in `inputs`, including those whose codes are seen from behind; of videos in all sharp and different
+    frames, or in those with these `numbers`."""
+    got = settings.gather(inputs, numbers, frames=EVERY, behind=True)
+    note_target(settings.config.target, got)
+    return got
 
 
 def _named(rig: Rig, cameras: Mapping[str, list[str]], path: Path) -> dict[str, list[str]]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from rcdn.batch.behind import seen_from_behind
 from rcdn.batch.calibration_outputs import Outputs
-from rcdn.batch.calibration_runs import Problem, Run, flat, pictures_of
+from rcdn.batch.calibration_runs import BoardReader, Problem, flat, pictures_of
 from rcdn.batch.camera_files import rig_refusal, write_rig_files
 from rcdn.batch.known_cameras import known_cameras
 from rcdn.batch.moments import cameras_in, chosen_by_any, moments_of
@@ -27,7 +27,7 @@ LISTED = 6
 """recommendations in the summary of a rig"""
 
 
-def many_cameras(run: Run, inputs: Sequence[str], problem: Problem, outputs: Outputs) -> Verdict | None:
+def many_cameras(reader: BoardReader, inputs: Sequence[str], problem: Problem, outputs: Outputs) -> Verdict | None:
     """Calibrate the cameras of `inputs`, print a summary, and write the outputs."""
     from rcdn.io import write_rig_calibration
     from rcdn.report.calibration import write_rig_report
@@ -38,11 +38,11 @@ def many_cameras(run: Run, inputs: Sequence[str], problem: Problem, outputs: Out
     outputs = outputs.without_refused(
         lambda path: rig_refusal(path, outputs.format, list(cameras), problem.model, known)
     )
-    found, done = solved(run, cameras, problem, known)
+    found, done = solved(reader, cameras, problem, known)
     for line in [*verdict_line(done.verdict, several=True), *rig_lines(done)]:
         console.print_line(line)
     kept = outputs.kept(*(done.cameras[name] for name in done.rig.names if name not in known))
-    run.failed |= not outputs.write(
+    reader.failed |= not outputs.write(
         kept,
         lambda path: write_rig_files(path, done.rig, outputs.format),
         lambda path: write_rig_calibration(path, done),
@@ -54,24 +54,24 @@ def many_cameras(run: Run, inputs: Sequence[str], problem: Problem, outputs: Out
 
 
 def solved(
-    run: Run, cameras: Mapping[str, Sequence[str]], problem: Problem, known: Mapping[str, Camera]
+    reader: BoardReader, cameras: Mapping[str, Sequence[str]], problem: Problem, known: Mapping[str, Camera]
 ) -> tuple[dict[str, Gathered], RigCalibration]:
     """The detections of each camera, and the rig. Where time is to be corrected and not all cameras agree, other frames
     of their videos are used: those that fit to how late each one is."""
-    found = _gathered(run, cameras, problem)
+    found = _gathered(reader, cameras, problem)
     try:
-        done = _calibrated(run, found, problem, known)
+        done = _calibrated(reader, found, problem, known)
     except CalibrationError:
-        if (again := in_step(run, cameras, found, problem, known)) is None:
+        if (again := in_step(reader, cameras, found, problem, known)) is None:
             raise
     else:
-        if len(done.components) == 1 or (again := in_step(run, cameras, found, problem, known)) is None:
+        if len(done.components) == 1 or (again := in_step(reader, cameras, found, problem, known)) is None:
             return found, done
-    return again, _calibrated(run, again, problem, known)
+    return again, _calibrated(reader, again, problem, known)
 
 
 def _calibrated(
-    run: Run, found: Mapping[str, Gathered], problem: Problem, known: Mapping[str, Camera]
+    reader: BoardReader, found: Mapping[str, Gathered], problem: Problem, known: Mapping[str, Camera]
 ) -> RigCalibration:
     from rcdn.calibration import calibrate_rig
 
@@ -91,27 +91,27 @@ def _calibrated(
         moments=moments,
         names={n: pictures for n, (_, pictures) in sets.items()},
         model=problem.model,
-        size=run.size,
+        size=reader.size,
         cameras=known,
         correct_time=problem.correct_time,
         fixed_boards=problem.fixed_boards,
     )
 
 
-def _gathered(run: Run, cameras: Mapping[str, Sequence[str]], problem: Problem) -> dict[str, Gathered]:
+def _gathered(reader: BoardReader, cameras: Mapping[str, Sequence[str]], problem: Problem) -> dict[str, Gathered]:
     """The detections of each camera; of videos, all frames that were chosen in the video of any camera."""
     from rcdn.types.limits import READ_IN_A_MIRROR
 
     found = {
-        name: run.gather(inputs, cameras=len(cameras), silent=READ_IN_A_MIRROR) for name, inputs in cameras.items()
+        name: reader.gather(inputs, cameras=len(cameras), silent=READ_IN_A_MIRROR) for name, inputs in cameras.items()
     }
     chosen = chosen_by_any([got.frames for got in found.values()])
     chosen = _and_beside_them(chosen) if problem.correct_time else chosen
     for name, inputs in cameras.items():
         if chosen and found[name].frames != chosen:
-            found[name] = run.gather(inputs, chosen, silent=READ_IN_A_MIRROR)
-        found[name] = seen_from_behind(run, name, inputs, found[name])
-        run.check(found[name], problem.spacing)
+            found[name] = reader.gather(inputs, chosen, silent=READ_IN_A_MIRROR)
+        found[name] = seen_from_behind(reader, name, inputs, found[name])
+        reader.check(found[name], problem.spacing)
     return found
 
 

@@ -60,7 +60,7 @@ def find_boards(
     grids = largest(grids, allowed(grey.size, *PIECES), "pieces of boards", warnings)
     free, boards = np.ones(len(field.xy), bool), []
     lattices = alternating(field, grids, free) if tags else []
-    parts, settled = _parts(field, grids, free)
+    parts, unchanged = _parts(field, grids, free)
     typical = median(candidates.all.response[candidates.sure]) if candidates.sure.any() else 0.0
     whole = set(map(id, parts))
     height, width = grey.shape
@@ -73,7 +73,7 @@ def find_boards(
         # A piece that was not merged has been completed before: a second time changes nothing if it is full, or if
         # its last completion changed nothing and no peak has been evaluated since.
         alone = id(grid) in whole
-        if not (alone and (is_full(grid) or settled.get(grid) == field.unevaluated)):
+        if not (alone and (is_full(grid) or unchanged.get(grid) == field.unevaluated)):
             _finish(field, grid, free)
         if believable(grid, least, scale) and plain(grid, field.response, typical):
             sign = board_sign(field, grid)
@@ -114,7 +114,7 @@ def _parts(field: Field, grids: list[dict[Label, int]], free: Bool[Array, " n"])
     `free` (N,) bool: corners that are in no grid, updated in place.
     """
     parts: list[Grid] = []
-    settled: dict[Grid, int] = {}
+    unchanged: dict[Grid, int] = {}
     queue = deque(Grid(at, field.xy) for at in grids)
     while queue:
         grid = queue.popleft()
@@ -125,9 +125,9 @@ def _parts(field: Field, grids: list[dict[Label, int]], free: Bool[Array, " n"])
             rest += more
             parts.append(grid)
             if as_it_was:
-                settled[grid] = field.unevaluated
+                unchanged[grid] = field.unevaluated
         queue += [part for part in rest if CELL <= len(part) < len(grid) + 1]
-    return parts, settled
+    return parts, unchanged
 
 
 def largest(grids: list[Sized], most: int, name: str, warnings: Warnings) -> list[Sized]:

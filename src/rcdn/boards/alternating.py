@@ -28,7 +28,7 @@ UNEVEN = float(log(1.5))
 """least log of the ratio of neighbouring steps at which a lattice counts as alternating"""
 AGREE = 0.85
 """least share of the steps that must alternate in the same phase"""
-LEAST = 12
+LEAST_CORNERS = 12
 """fewest corners of a grid for a decision on whether its steps alternate"""
 TRIPLES = 8
 """fewest corners with a neighbour on both sides for that decision, both axes together"""
@@ -74,7 +74,7 @@ def _taken(
     """The completed grid of the phase that gives most corners, which are marked as taken; [] if there are too few."""
     whole = max((_completed(field, *phase, free) for phase in phases), key=len, default={})
     free[list(whole.values())] = False
-    return [whole] if len(whole) >= LEAST else []
+    return [whole] if len(whole) >= LEAST_CORNERS else []
 
 
 def _evened(xy: Array, at: dict[Label, int]) -> list[tuple[dict[Label, int], float]]:
@@ -85,7 +85,7 @@ def _evened(xy: Array, at: dict[Label, int]) -> list[tuple[dict[Label, int], flo
     """
     shifts: list[tuple[int, ...]] = []
     sizes, count = [], 0
-    for axis, step in enumerate(TAGS.steps[:2] if len(at) >= LEAST else ()):
+    for axis, step in enumerate(TAGS.steps[:2] if len(at) >= LEAST_CORNERS else ()):
         ratio = _ratios(xy, at, step)
         typical = median(ratio) if len(ratio) > 1 else 0.0
         if not len(ratio) and len({spot[axis] for spot in at}) == 2:

@@ -23,7 +23,7 @@ _three_of_quads = bind("rcdn_three_of_quads")
 
 AROUND = 10
 """number of nearest neighbours with which a corner may form cells"""
-MOST = 250
+MOST_CORNERS = 250
 """largest number of corners that are used, the ones of highest quality in the image"""
 SKEW, RATIO = 0.35, 2.5
 """least sine of the angle between a cell's sides, and largest ratio of their lengths"""
@@ -33,7 +33,7 @@ TURN = np.deg2rad(32)
 """largest angle between a side and the axes of its corners, radians"""
 SHOWN = 0.12
 """least contrast of two thirds of a side, share of its corners' """
-LEAST = 6
+LEAST_CORNERS = 6
 """fewest corners of a piece"""
 PIECES = 6
 """largest number of pieces in an image; the largest are kept"""
@@ -49,11 +49,11 @@ def fragments(field: Field, free: Bool[Array, " n"], known: int) -> list[dict[La
     usable = free & (field.polarity != 0) & (field.quality >= QUALITY)
     usable[known:] = False
     rows = np.flatnonzero(usable)
-    rows = rows[np.argsort(-field.quality[rows], kind="stable")][:MOST]
-    if len(rows) < LEAST:
+    rows = rows[np.argsort(-field.quality[rows], kind="stable")][:MOST_CORNERS]
+    if len(rows) < LEAST_CORNERS:
         return []
     quads = _shown(field, _coloured(field, rows[_quads(field.xy[rows])]))
-    grids = [grid for grid in label(field, quads) if len(grid) >= LEAST]
+    grids = [grid for grid in label(field, quads) if len(grid) >= LEAST_CORNERS]
     return sorted(grids, key=lambda g: (-len(g), min(g.values())))[:PIECES]
 
 

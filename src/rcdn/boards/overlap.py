@@ -16,7 +16,7 @@ from rcdn.geometry.rules import CHECKER
 from rcdn.types import Array
 from rcdn.types.arrays import Bool, Int, Real
 
-LEAST = 20
+LEAST_CORNERS = 20
 """fewest corners of a grid that may be two boards"""
 BENT = 0.2
 """squares: RMS distance from the best plane, up to which a grid is one board"""
@@ -37,7 +37,7 @@ def separated(grid: Grid, image_size: tuple[int, int]) -> list[Grid]:
     """The grid, or the two flat boards that it consists of, without the corners of neither. `image_size` (width,
     height) px of the image with the grid."""
     labels, xy = grid.labels, grid.xy[grid.corners]
-    if len(grid) < LEAST or is_full(grid):
+    if len(grid) < LEAST_CORNERS or is_full(grid):
         return [grid]
     if _misfit(labels, xy, image_size) <= BENT:
         return [grid]

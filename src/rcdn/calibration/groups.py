@@ -11,7 +11,7 @@ from rcdn.io.finding import natural
 
 FEWEST = 3
 """least number of pictures in a group"""
-MOST = 4
+MOST_GROUPS = 4
 """most groups in a partition"""
 LISTED = 3
 """names that are listed before an ellipsis"""
@@ -41,7 +41,7 @@ def _partition(keys: Sequence[str]) -> Partition | None:
     if len(counts) > len(keys) / 2:
         return None
     kept = [key for key in dict.fromkeys(keys) if counts[key] >= FEWEST]
-    if not 2 <= len(kept) <= MOST:
+    if not 2 <= len(kept) <= MOST_GROUPS:
         return None
     return tuple(kept.index(key) if key in kept else -1 for key in keys)
 

@@ -39,7 +39,7 @@ Quantity = Literal["focal length", "principal point", "aspect ratio"]
 
 
 @dataclass(frozen=True)
-class Unsettled:
+class Undetermined:
     """A `quantity` that the views do not determine: its standard `deviation` (focal length and aspect ratio: relative;
     principal point: px), the `limit` above which it counts as undetermined, the `cause`, and the `remedy`."""
 
@@ -62,7 +62,7 @@ class Unsettled:
         return f"{self.finding} {self.remedy}"
 
 
-def unsettled(calibration: Calibration) -> tuple[Unsettled, ...]:
+def undetermined(calibration: Calibration) -> tuple[Undetermined, ...]:
     """The quantities that the views of `calibration` do not determine, the worst first; () if all are determined.
 
     The focal length counts as undetermined from a standard deviation of 5 %, the principal point from 5 % of the
@@ -81,7 +81,7 @@ def unsettled(calibration: Calibration) -> tuple[Unsettled, ...]:
         ("aspect ratio", aspect, LOOSE_ASPECT),
     ]
     cause = _cause(calibration)
-    return tuple(Unsettled(q, d, most, cause, _remedy(calibration)) for q, d, most in found if not d < most)
+    return tuple(Undetermined(q, d, most, cause, _remedy(calibration)) for q, d, most in found if not d < most)
 
 
 def deviations(calibration: Calibration) -> Real[Array, " 4"]:

@@ -154,7 +154,7 @@ def _estimated(
     nothing = default_free(start, lens=False)
     state, _ = robust.initial_fit(start, corners, sigma, nothing, turn=False)
     sigma = np.hypot(sigma, _offsets(residuals(state, corners), camera))
-    fit = robust.fit(state, robust.LEAST, corners, sigma, nothing)
+    fit = robust.fit(state, robust.LEAST_NOISE, corners, sigma, nothing)
     if fit.reasons[0]:
         raise CalibrationError(f"no pose fits what {', '.join(names)} saw: is it this rig, and one moment?")
     step, cov = _weighed(rig, at, fit, corners)

@@ -32,9 +32,9 @@ ODD = 3.0
 """× the usual median distance of corners: a view above it is weighted less in the initial fit, and its pose is
 estimated anew"""
 ROUNDS = 20
-SETTLED = 0.02
+CONVERGED = 0.02
 """relative change of the prior's spreads between iterations below which they have converged"""
-LEAST = 1e-4
+LEAST_NOISE = 1e-4
 """px; least standard deviation of corners"""
 MEDIAN = 2 * np.log(2.0)
 """median of the squared length of a whitened residual"""
@@ -185,7 +185,7 @@ def fit(
         if shaped:
             spread = likelier(state, solution.arrow.covariance[-state.shape.size :, -state.shape.size :], spacing)
             state = with_spread(state, spread)
-        if (used == before).all() and spread.near(former, SETTLED):
+        if (used == before).all() and spread.near(former, CONVERGED):
             break
     gaps = residuals(state, corners)
     square = float(((gaps[used] * weight[used, None]) ** 2).sum())
@@ -272,9 +272,9 @@ def _noise(gaps: Array, sigma: Real[Array, " n"], unknowns: float) -> float:
 
 
 def _root(excess: Callable[[float], float], most: float) -> float:
-    """Root of the decreasing function `excess` between LEAST and just above `most`; the nearer end of the interval if
-    there is none."""
-    high = max(most * 1.001, 2 * LEAST)
-    if excess(LEAST) <= 0:
-        return LEAST
-    return float(brentq(excess, LEAST, high)) if excess(high) < 0 else high
+    """Root of the decreasing function `excess` between LEAST_NOISE and just above `most`; the nearer end of the
+    interval if there is none."""
+    high = max(most * 1.001, 2 * LEAST_NOISE)
+    if excess(LEAST_NOISE) <= 0:
+        return LEAST_NOISE
+    return float(brentq(excess, LEAST_NOISE, high)) if excess(high) < 0 else high

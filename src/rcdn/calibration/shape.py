@@ -25,7 +25,7 @@ DEGREE, DECAY = 4, 2.0
 relative to degree 1"""
 PLANE, DEPTH = 0.001, 0.003
 """initial spreads of the first degree, within the board and out of its plane, in squares"""
-LEAST, MOST = 1e-6, 0.1
+LEAST_SPREAD, MOST_SPREAD = 1e-6, 0.1
 """bounds of a spread, in squares: the lower one stands for none, and no real board exceeds the upper one"""
 FUNCTIONS = tuple((d - j, j) for d in range(1, DEGREE + 1) for j in range(d + 1))
 """degrees in x and y of each function, the first two being x and y themselves; a constant would only translate the
@@ -119,7 +119,7 @@ def likelier(state: State, covariance: Array, spacing: float) -> Spread:
     square = ((state.shape**2 + np.diag(covariance).reshape(-1, 3)) / FALLING**2).sum(axis=0)
     many = len(FUNCTIONS)  # two of the coefficients are held at zero within the plane, and two out of it
     plane, depth = np.sqrt((square[0] + square[1]) / (2 * many - 2)), np.sqrt(square[2] / (many - 2))
-    return Spread(*(float(np.clip(value, LEAST * spacing, MOST * spacing)) for value in (plane, depth)))
+    return Spread(*(float(np.clip(value, LEAST_SPREAD * spacing, MOST_SPREAD * spacing)) for value in (plane, depth)))
 
 
 def board_shape(coefficients: Real[Array, "b 3"], size: Size, plane: Plane = SQUARES) -> BoardShape:

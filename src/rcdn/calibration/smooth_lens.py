@@ -20,7 +20,7 @@ from rcdn.types import Array, Camera
 
 COLUMNS = 12
 """control points along the longer side of the sensor"""
-ROUNDS, SETTLED = 12, 0.05
+ROUNDS, CONVERGED = 12, 0.05
 """most steps of expectation–maximisation; relative change of the stiffness below which it has converged"""
 FIRST = 0.5
 """px: initial size of the correction"""
@@ -72,7 +72,7 @@ def fitted(state: State, corners: Corners3, weight: Array) -> State:
         values, spread = bent.values[spline], solution.arrow.covariance[spline, spline]
         likelier = float(values @ bending.energy @ values + np.sum(bending.energy * spread)) / bending.many
         change, variance = abs(np.log(likelier / variance)), likelier
-        if change < SETTLED:
+        if change < CONVERGED:
             break
     return replace(bent, prior=_prior(before, bending, variance, spline))
 

@@ -192,8 +192,8 @@ def stereo_task(
             if k >= 0:
                 views.add(calibration, (c, k), f, c, turned.get(k, 0) if c else 0)
     rows = views.joined()
-    board, basis, settled = rows.flat, np.zeros((len(rows.ij), 1)), rows.shaped
-    board[settled], basis[settled] = on_shape(board[settled], rows.ij[settled], first.shape)
+    board, basis, shaped = rows.flat, np.zeros((len(rows.ij), 1)), rows.shaped
+    board[shaped], basis[shaped] = on_shape(board[shaped], rows.ij[shaped], first.shape)
     corners = Corners3(rows.frame, rows.camera, board, rows.xy, basis)
     return StereoTask(seen, rows.ij, corners, rows.sigma, views.rows, first.shape)
 

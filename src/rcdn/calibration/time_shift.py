@@ -35,7 +35,7 @@ NEAR = 2.0
 """× the median time between moments: neighbours farther apart give no velocity"""
 FAR = 1e3
 """px, sigma that removes corners from the fit"""
-ROUNDS, SETTLED = 5, 0.005
+ROUNDS, CONVERGED = 5, 0.005
 """largest number of rounds of correction and fit; largest change, in moments, at which they end"""
 
 
@@ -240,7 +240,7 @@ def in_step(
         change = {c: found[c].moments for c in late if c in found}
         total = {c: now.shifts[c].moments + change.get(c, 0.0) for c in late}
         now = _brought(task, now.fit, time, total, spacing)
-        if max(map(abs, change.values()), default=0.0) < SETTLED:
+        if max(map(abs, change.values()), default=0.0) < CONVERGED:
             break
     if not _spread(now.fit) < _spread(fit):
         return _with_lags(InStep(fit, task.corners, shifts), lags, first)

@@ -23,7 +23,7 @@ CHECKS: tuple[Check, ...] = (
     view_checks.board_size,
     view_checks.views,
     view_checks.tilt,
-    view_checks.settled,
+    view_checks.determined,
     fit_checks.board,
     view_checks.left_out,
     fit_checks.dropped,

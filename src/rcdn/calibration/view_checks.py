@@ -11,7 +11,7 @@ from rcdn.calibration import one_camera as several
 from rcdn.calibration import turned
 from rcdn.calibration.facts import Facts
 from rcdn.calibration.limits import LIMITS, reason
-from rcdn.calibration.observability import unsettled
+from rcdn.calibration.observability import undetermined
 from rcdn.errors import many, were_left_out
 from rcdn.types import Array, Calibration, Reason
 
@@ -35,9 +35,9 @@ def one_camera(c: Calibration, facts: Facts) -> list[Reason]:
     return [reason("one_camera", 0.0, "All pictures are of one camera, as far as they tell.", "", "")]
 
 
-def settled(c: Calibration, facts: Facts) -> list[Reason]:
+def determined(c: Calibration, facts: Facts) -> list[Reason]:
     """Parameters that the views do not determine: focal length, principal point, aspect ratio."""
-    found = [reason("unsettled", u.deviation / u.limit, "", u.finding, u.remedy) for u in unsettled(c)]
+    found = [reason("unsettled", u.deviation / u.limit, "", u.finding, u.remedy) for u in undetermined(c)]
     return found or [reason("unsettled", 0.0, "The views agree on focal length and principal point.", "", "")]
 
 

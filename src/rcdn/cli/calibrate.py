@@ -16,7 +16,8 @@ from rcdn.batch.calibration_outputs import (
     Outputs,
     ReportFile,
 )
-from rcdn.batch.calibration_runs import Problem, Run, one_camera, two_cameras
+from rcdn.batch.calibration_runs import BoardReader, Problem, one_camera, two_cameras
+from rcdn.batch.detection_settings import DetectionSettings
 from rcdn.batch.known_cameras import KnownCameras
 from rcdn.batch.pair_file import PairFile, Pairs
 from rcdn.batch.rig_runs import many_cameras
@@ -153,16 +154,17 @@ def calibrate(
     pair_file = None if pairs is None else PairFile.read(pairs)
     config = DetectorConfig.preset("auto", pattern=pattern.value, target=target.reads)
     kept = frames if select is None else max(frames, CANDIDATES)
-    run = Run(config, open_cache(config, cache, off=no_cache), jobs, kept, board)
+    size = None if board is None else (board.cols, board.rows)
+    reader = BoardReader(DetectionSettings(config, open_cache(config, cache, off=no_cache), jobs, size), kept)
     left_out, known = tuple(leave_out or ()), tuple(camera or ())
     problem = Problem(length, model.value, flat, left_out, fix, select, known, correct_time, fixed_boards)
     if rig:
-        found = many_cameras(run, inputs, problem, outputs)
+        found = many_cameras(reader, inputs, problem, outputs)
     elif stereo:
-        found = two_cameras(run, inputs, problem, outputs, pair_file)
+        found = two_cameras(reader, inputs, problem, outputs, pair_file)
     else:
-        found = one_camera(run, inputs, problem, outputs)
-    if run.failed or (fail_on is not None and found is not None and fails(found, fail_on.value)):
+        found = one_camera(reader, inputs, problem, outputs)
+    if reader.failed or (fail_on is not None and found is not None and fails(found, fail_on.value)):
         raise typer.Exit(FAILED)
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rcdn.batch.detection_files import FORMATS, Found, format_of
+from rcdn.batch.detection_files import FORMATS, Contents, format_of
 from rcdn.batch.paths import check_file
 from rcdn.errors import ConfigError, FormatError
 from rcdn.terminal import console
@@ -153,7 +153,7 @@ def _convert_detections(
                 raise FormatError(
                     f"{path}: {image.path} has a board of the kind {known.pattern}; {format.squares_only}: write json"
                 )
-    found = Found(images, map(image_line, images), errors, size)
+    found = Contents(images, map(image_line, images), errors, size)
     for line in format.left_out(found, format.write(out, found)):
         console.note(f"{out}: {line}")
 

@@ -80,7 +80,7 @@ def pose(
     Exit code: 0 if all was read, 1 if some file failed or no board was found, 2 for wrong use, 130 after Ctrl-C.
     """
     from rcdn.batch.camera_files import chosen_camera
-    from rcdn.batch.inputs import gather
+    from rcdn.batch.detection_settings import DetectionSettings
     from rcdn.batch.no_board import note_target
     from rcdn.calibration import estimate_pose
     from rcdn.calibration.coded import kind_of
@@ -96,17 +96,16 @@ def pose(
     check_file("--json", json, [Path(i) for i in inputs])
     config = DetectorConfig.preset("auto", pattern=pattern.value, target=target.reads)
     size = None if board is None else (board.cols, board.rows)
+    settings = DetectionSettings(config, open_cache(config, cache, off=no_cache), jobs, size)
     if rig is not None:
         if camera_name is not None:
             raise ConfigError("--camera-name is for --camera; leave it out with --rig")
-        from rcdn.batch.rig_poses import DetectionSettings, rig_poses
+        from rcdn.batch.rig_poses import rig_poses
 
-        rig_poses(
-            rig, inputs, length, DetectionSettings(config, open_cache(config, cache, off=no_cache), jobs, size), json
-        )
+        rig_poses(rig, inputs, length, settings, json)
         return
     lens = chosen_camera(present(camera, "--camera"), camera_name, "--camera")
-    got = gather(inputs, config, jobs=jobs, cache=open_cache(config, cache, off=no_cache), size=size)
+    got = settings.gather(inputs)
     note_target(config.target, got)
     check_spacing(length, sizes_of([found for image in got.images for found in image.boards], size))
 

@@ -26,7 +26,7 @@ BAND = 16
 
 LEVELS, WEIGHT_LEVELS = np.iinfo(np.uint8).max, np.iinfo(np.int8).max
 """largest quantised activation and weight"""
-LARGEST, LEAST = 1e6, 1e-30
+LARGEST_WEIGHT, LEAST_WEIGHT = 1e6, 1e-30
 """largest magnitude of a weight, and the least value used as an output's largest weight, which avoids a division by
 0"""
 GROUP = constants("network")["GROUP"]
@@ -68,13 +68,13 @@ class CellNetwork:
             return None
         tensors = [(graph.tensors[weight], graph.tensors[bias]) for _, weight, bias in _convolutions(graph)]
         unit = units(ranges)
-        if not all((np.abs(tensor) <= LARGEST).all() for pair in tensors for tensor in pair):
-            raise RcdnError(f"model: its weights must be finite and within ±{LARGEST:g}")
+        if not all((np.abs(tensor) <= LARGEST_WEIGHT).all() for pair in tensors for tensor in pair):
+            raise RcdnError(f"model: its weights must be finite and within ±{LARGEST_WEIGHT:g}")
         weight, bias = tensors[0]
         reals, whole = [weight.transpose(2, 3, 1, 0) / unit[0], bias / unit[0]], []
         for k, (weight, bias) in enumerate(tensors[1:]):
             weight = weight * unit[k][:, None, None]
-            scale = np.maximum(np.abs(weight).max(axis=(1, 2, 3)), LEAST) / WEIGHT_LEVELS
+            scale = np.maximum(np.abs(weight).max(axis=(1, 2, 3)), LEAST_WEIGHT) / WEIGHT_LEVELS
             levels = np.rint(weight / scale[:, None, None, None]).astype(np.int8)
             after = unit[k + 1] if k + 1 < len(unit) else 1.0
             reals += [scale / after, bias / after]

@@ -17,7 +17,7 @@ SMOOTH = np.array([1, 4, 6, 4, 1]) / 16
 """Weights that smooth the histogram around the circle."""
 LEAST_WEIGHT = 0.25
 """Least height of a maximum, share of the strongest one."""
-MOST = 4
+MOST_DIRECTIONS = 4
 """Number of directions returned; a corner with more can't start a board."""
 
 
@@ -32,7 +32,7 @@ def edge_directions(grey: Array, xy: Real[Array, "n 2"]) -> tuple[Array, Array]:
     Never fails.
     """
     xy = np.asarray(xy, np.float64).reshape(-1, 2)
-    angles, count = np.full((len(xy), MOST), np.nan), np.zeros(len(xy), int)
+    angles, count = np.full((len(xy), MOST_DIRECTIONS), np.nan), np.zeros(len(xy), int)
     centres = np.rint(xy).astype(int)
     for part in chunks(len(xy), (BEFORE + AFTER + 3) ** 2):
         histogram = _histograms(gather(grey, centres[part], BEFORE + 1).astype(np.float32))
@@ -56,13 +56,13 @@ def _histograms(windows: Array) -> Array:
 
 
 def _maxima(histogram: Array) -> tuple[Array, Array]:
-    """Angles (N, MOST) by falling weight, NaN-padded, and the number (N,) of maxima."""
+    """Angles (N, MOST_DIRECTIONS) by falling weight, NaN-padded, and the number (N,) of maxima."""
     before, after = np.roll(histogram, 1, axis=1), np.roll(histogram, -1, axis=1)
     top = histogram.max(axis=1, keepdims=True)
     peak = (histogram > before) & (histogram >= after) & (histogram >= LEAST_WEIGHT * top)
     curve = before - 2 * histogram + after
     shift = np.divide(before - after, 2 * curve, out=np.zeros_like(curve), where=peak & (curve < 0))
     angle = (np.arange(BINS) + 0.5 + shift) * (np.pi / BINS) % np.pi
-    strongest = np.argsort(-np.where(peak, histogram, -1), axis=1, kind="stable")[:, :MOST]
+    strongest = np.argsort(-np.where(peak, histogram, -1), axis=1, kind="stable")[:, :MOST_DIRECTIONS]
     rows = np.arange(len(histogram))[:, None]
     return np.where(peak[rows, strongest], angle[rows, strongest], np.nan), peak.sum(axis=1)

@@ -14,7 +14,7 @@ from rcdn.types.arrays import Int, Real
 
 ROOM = 4096
 """usual number of candidates: the first size of their array"""
-MOST, MOST_PEAKS = 20_000, 125_000
+MOST_CANDIDATES, MOST_PEAKS = 20_000, 125_000
 """largest number of candidates that compete; if only peaks are candidates, the largest number per megapixel: twice that
 of a board with the smallest squares that the network resolves"""
 _candidates = bind("rcdn_candidates")
@@ -55,11 +55,12 @@ def nms(
     Paper section 3.3: boxes of one size (side `rule.box`, px) around the candidates; one that overlaps a stronger
     survivor by more than `rule.overlap` (intersection ÷ box area, as in the code of its predecessor CCDN) is removed.
     Returns `xy` (N, 2) integer and `score` (N,), in that order. Only the `limit` strongest candidates compete (None:
-    `MOST`, `MOST_PEAKS`), which bounds the time for any map; with no more candidates than that, the result is that of
-    plain greedy suppression, with more a warning is added to `warnings`.
+    `MOST_CANDIDATES`, `MOST_PEAKS`), which bounds the time for any map; with no more candidates than that, the result
+    is that of plain greedy suppression, with more a warning is added to `warnings`.
     """
     xy = candidates(response, threshold, rule.peaks, cells)
-    limit = (allowed(response.size, MOST, MOST_PEAKS) if rule.peaks else MOST) if limit is None else limit
+    if limit is None:
+        limit = allowed(response.size, MOST_CANDIDATES, MOST_PEAKS) if rule.peaks else MOST_CANDIDATES
     if len(xy) > limit and warnings is not None:
         warnings.add("peaks", f"of {len(xy):,} places that may be corners only the {limit:,} strongest were looked at")
     score = response[xy[:, 1], xy[:, 0]]

@@ -13,7 +13,7 @@ from weakref import WeakSet
 from rcdn import interrupts
 
 Item = TypeVar("Item")
-MOST = max(64, os.cpu_count() or 1)
+MOST_THREADS = max(64, os.cpu_count() or 1)
 """largest number of threads in a pool; they are started only when there is work for them"""
 
 
@@ -80,7 +80,7 @@ class Threads:
     def _executor(self) -> ThreadPoolExecutor:
         with self._lock:
             if self._pool is None:
-                self._pool = ThreadPoolExecutor(MOST, thread_name_prefix="rcdn")
+                self._pool = ThreadPoolExecutor(MOST_THREADS, thread_name_prefix="rcdn")
             return self._pool
 
     def _forget(self) -> None:

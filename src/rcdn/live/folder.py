@@ -27,7 +27,7 @@ SESSION, ADDRESS = "session.json", ".address"
 PICTURES, DETECTIONS = "pictures", "detections"
 SIDES = ("left", "right")
 NAME = re.compile(r"frame-(\d{4})\.png")
-MOST = 200
+MOST_PICTURES = 200
 """largest number of pictures in a session"""
 VERSION = 1
 
@@ -164,8 +164,8 @@ class Folder:
         All are on the disk when this returns."""
         every = [p for places in self._places for p in (self.path / places[0]).glob("*.png")]
         taken = [int(m[1]) for p in every if (m := NAME.fullmatch(p.name))]
-        if len(self.names()) >= MOST or max(taken, default=0) >= 9999:
-            raise RcdnError(f"there are {MOST} pictures already; remove some")
+        if len(self.names()) >= MOST_PICTURES or max(taken, default=0) >= 9999:
+            raise RcdnError(f"there are {MOST_PICTURES} pictures already; remove some")
         name = f"frame-{max(taken, default=0) + 1:04d}.png"
         for camera, grey in enumerate(greys):
             write_image(self.picture(name, camera), grey)

@@ -14,7 +14,7 @@ from rcdn.synthetic.background import KINDS
 from rcdn.synthetic.scene import Background, Bend, BoardSpec, Cover, Light, Scene, Sensor
 from rcdn.types.ranges import BOX
 
-MOST = 1000
+MOST_OBJECTS = 1000
 """largest number of boards, covers, … in a scene"""
 ANY, SEEDS, GREY, LIGHT, BLUR = (-1e6, 1e6), (0, 2**64 - 1), (-10, 10), (-20, 20), (0, 100)
 RANGES: dict[type, dict[str, tuple[float, float]]] = {
@@ -116,7 +116,7 @@ def _row(kinds: tuple[Any, ...], value: Any, where: str, limits: tuple[float, fl
     any_length = kinds[-1] is Ellipsis
     _require(isinstance(value, list), where, "a list", value)
     if any_length:
-        _require(len(value) <= MOST, where, f"a list of at most {MOST}", value)
+        _require(len(value) <= MOST_OBJECTS, where, f"a list of at most {MOST_OBJECTS}", value)
         kinds = kinds[:1] * len(value)
     _require(len(value) == len(kinds), where, f"a list of {len(kinds)}", value)
     return tuple(_value(k, v, f"{where}[{n}]", limits) for n, (k, v) in enumerate(zip(kinds, value, strict=True)))

@@ -25,7 +25,7 @@ SEEN = 0.3
 """least strength of both edges, share of the median on the board"""
 OFF = 0.14
 """largest offset from the prediction, squares"""
-LEAST = 6
+LEAST_CORNERS = 6
 """least number of corners of a board that can predict others"""
 ASTRAY, TIMES = 0.05, 6.0
 """largest distance of a corner from the smooth surface through all of them: in squares, and × the median distance,
@@ -42,7 +42,7 @@ def completed(grey: Shaped[Array, "h w"], board: Board) -> Board:
 
     `grey` (H, W), 0..255.
     """
-    if board.pattern != "checker" or len(board) < LEAST:
+    if board.pattern != "checker" or len(board) < LEAST_CORNERS:
         return board
     grey = np.ascontiguousarray(grey)
     grid = Grid({(u, v): k for k, (u, v) in enumerate(board.ij.tolist())}, board.xy)
@@ -50,7 +50,7 @@ def completed(grey: Shaped[Array, "h w"], board: Board) -> Board:
     if len(grid) == len(board) and not len(_missing(board, board.ij)[1]):
         return board
     _drop_misfits(grid)
-    if len(grid) < LEAST:
+    if len(grid) < LEAST_CORNERS:
         return board
     known = grid.labels
     guess = grid.predictions(known)
@@ -93,7 +93,7 @@ def _missing(board: Board, known: Array) -> tuple[Array, Array]:
 
 def _drop_misfits(grid: Grid) -> None:
     """Drop corners, in place, that are too far from their neighbours' prediction, the worst first."""
-    while len(grid) >= LEAST:
+    while len(grid) >= LEAST_CORNERS:
         spots = list(grid.at)
         excess = predicted_excess(grid, spots)
         excess = np.where(excess == 2, 0, excess)  # neighbours that give no prediction

@@ -20,7 +20,7 @@ NEIGHBOURS = 12
 """corners that predict one"""
 REACH = 2.4
 """largest distance of these from it, sides of a tag"""
-LEAST = 8
+LEAST_NEIGHBOURS = 8
 """least number of them"""
 LEAST_GAP = 3.0
 """px: in smaller gaps edges can't be seen"""
@@ -66,7 +66,7 @@ def _missing(grid: Grid, board: Board, target: AprilGrid) -> Int[Array, "k 2"]:
 
 
 def _sensible(guess: Predictions) -> Int[Array, " k"]:
-    return np.flatnonzero((guess.support >= LEAST) & (guess.pitch >= LEAST_GAP))
+    return np.flatnonzero((guess.support >= LEAST_NEIGHBOURS) & (guess.pitch >= LEAST_GAP))
 
 
 class _Print:
@@ -89,7 +89,7 @@ class _Print:
             far[(labels == spots[k]).all(axis=1)] = np.inf
             near = np.argsort(far, kind="stable")[:NEIGHBOURS]
             near = near[far[near] < REACH]
-            if len(near) < LEAST or np.ptp(labels[near], axis=0).min() == 0:
+            if len(near) < LEAST_NEIGHBOURS or np.ptp(labels[near], axis=0).min() == 0:
                 continue
             found = corner_and_gaps(printed[near] - here, flat[near], self._gap, lens)
             if found is not None and np.isfinite(found).all():

@@ -12,7 +12,7 @@ import numpy as np
 from rcdn.types import Array
 from rcdn.types.arrays import Bool, Real
 
-MOST = 0.8
+LEAST_SHARE = 0.8
 """least share of a side's squares beyond which paper must be seen"""
 OFF = 0.025
 """largest distance from the lattice's edge to the end of the dark squares, median of a side, squares"""
@@ -26,7 +26,7 @@ BRIGHT = 0.75, 1.35
 """range of the brightness of paper, on a scale from the adjacent squares' dark, 0, to their white, 1"""
 CLEAR = 0.7
 """least brightness just beyond a white square, where the next dark one would begin"""
-LEAST = 8.0
+LEAST_CONTRAST = 8.0
 """least contrast between dark and white, grey levels, with which a square is evaluated"""
 
 
@@ -55,7 +55,7 @@ def _lost(squares: Array, contrast: float) -> float:
     blur the narrow rims of white around markers are darker than paper."""
     level = np.concatenate([_levels(row) for row in squares])
     seen = (level[:, 1] - level[:, 0])[np.isfinite(level[:, 0])]
-    return max(1.0, contrast / max(float(np.median(seen)), LEAST)) if len(seen) else 1.0
+    return max(1.0, contrast / max(float(np.median(seen)), LEAST_CONTRAST)) if len(seen) else 1.0
 
 
 def _rim(squares: Array) -> float:
@@ -70,7 +70,7 @@ def _ends_above(squares: Array, white: Bool[Array, "r c"], lost: float) -> bool:
     their edges; `lost`: by which factor paper may exceed their contrast of dark and white."""
     beyond, first, white = squares[0, 1:-1], squares[1, 1:-1], white[0]
     level = _levels(first)
-    seen = np.isfinite(level).all(axis=1) & (level[:, 1] - level[:, 0] >= LEAST)
+    seen = np.isfinite(level).all(axis=1) & (level[:, 1] - level[:, 0] >= LEAST_CONTRAST)
     values = np.concatenate([beyond, first], axis=1)[seen]
     values = (values - level[seen, :1, None]) / (level[seen, 1] - level[seen, 0])[:, None, None]
     samples = values.shape[2]
@@ -84,7 +84,7 @@ def _ends_above(squares: Array, white: Bool[Array, "r c"], lost: float) -> bool:
     off = _end_of_dark(along[:, near], out[near])
     fine &= np.where(white[seen], clear, np.abs(off) < EACH)
     dark = fine & ~white[seen]
-    return bool(fine.sum() >= MOST * len(seen) and dark.any() and abs(np.median(off[dark])) < OFF)
+    return bool(fine.sum() >= LEAST_SHARE * len(seen) and dark.any() and abs(np.median(off[dark])) < OFF)
 
 
 def _levels(squares: Array) -> Real[Array, "k 2"]:

@@ -13,7 +13,7 @@ from rcdn.types.arrays import Bool, Real, Shaped
 
 SAMPLES = 8
 """samples along a square's side"""
-MOST = 32
+MOST_CORNERS = 32
 """largest number of corners around which squares are sampled"""
 PLAIN = 0.15
 """standard deviation inside squares, share of the contrast, below which they contain no markers"""
@@ -66,7 +66,7 @@ def sample_corners(grey: Shaped[Array, "h w"], board: Board) -> CornerSamples | 
     row, column = np.nonzero(np.isfinite(around).all(axis=(2, 3, 4)))
     if not len(row):
         return None
-    some = np.linspace(0, len(row) - 1, min(len(row), MOST)).astype(int)
+    some = np.linspace(0, len(row) - 1, min(len(row), MOST_CORNERS)).astype(int)
     row, column = row[some], column[some]
     values = _sampled(grey, _places() @ around[row, column].reshape(len(row), 2, 9).swapaxes(1, 2))
     if values is None:

@@ -136,7 +136,7 @@ def _read(path: Path) -> dict[str, Any]:
         raise ConfigError(f"config: {path} is not TOML: {shown(str(error))}") from error
 
 
-MOST = 2**63
+LARGEST_INTEGER = 2**63
 """limit of TOML's integers; Python's parser also accepts larger ones"""
 
 
@@ -148,7 +148,7 @@ def _checked(cls: Any, values: dict[str, Any], prefix: str) -> Any:
         if key not in known:
             raise ConfigError(f"config: unknown key {shown(prefix + key)}; known: {sorted(known)}")
         wanted = types.get(key)
-        if wanted is float and isinstance(value, int) and not isinstance(value, bool) and abs(value) < MOST:
+        if wanted is float and isinstance(value, int) and not isinstance(value, bool) and abs(value) < LARGEST_INTEGER:
             values[key] = float(value)
         elif wanted in (int, str, bool, float) and type(value) is not wanted:
             raise ConfigError(f"config: {prefix + key} must be of type {wanted.__name__}, not {shown(value)}")

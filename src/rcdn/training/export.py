@@ -39,7 +39,7 @@ PARITY = 1e-4
 """largest difference between torch and ONNX Runtime at which weights are exported"""
 PICTURES, SIDE, FIRST = 400, 240, 8_000_000
 """rendered pictures whose values tell the ranges of hidden layers: number, side in px, and the first seed"""
-LEAST = 1e-3
+LEAST_RANGE = 1e-3
 """range of a channel that is never active"""
 
 Layer = tuple[Tensor, Tensor, int]
@@ -113,7 +113,7 @@ def curve(run: Path) -> dict[str, Any]:
 def ranges(layers: Sequence[Layer], normalisation: str, preset: str) -> list[list[float]]:
     """Largest value of each channel after each hidden layer (convolution and ReLU), over crops rendered with the ranges
     called `preset`; quantised inference needs them."""
-    top = [torch.full((len(bias),), LEAST) for _, bias, _ in layers[:-1]]
+    top = [torch.full((len(bias),), LEAST_RANGE) for _, bias, _ in layers[:-1]]
     with torch.no_grad():
         for seed in range(FIRST, FIRST + PICTURES):
             image = random_crop(seed, SIDE, PRESETS[preset])[0]

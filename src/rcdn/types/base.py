@@ -12,7 +12,7 @@ from rcdn.errors import RcdnError
 Array = NDArray[Any]
 
 
-MOST = 100_000_000
+MOST_ELEMENTS = 100_000_000
 """largest number of elements in an array of a value"""
 
 
@@ -32,7 +32,7 @@ def freeze(owner: object, name: str, value: Any, dtype: Any, tail: tuple[int, ..
     Raises RcdnError for another shape, for elements that can't be converted to `dtype`, and for numbers beyond
     ±`within`.
     """
-    simple = type(value) is np.ndarray and value.dtype == dtype and 0 < value.size <= MOST
+    simple = type(value) is np.ndarray and value.dtype == dtype and 0 < value.size <= MOST_ELEMENTS
     if simple and value.ndim == 1 + len(tail) and value.shape[1:] == tail:
         array = value.copy()
     else:
@@ -71,7 +71,7 @@ def _beyond(array: Array, within: float) -> bool:
 
 def _numbers(value: Any, dtype: np.dtype[Any], called: str) -> Array:
     """A copy of `value` as a plain array of native byte order, with every number unchanged."""
-    if type(value) is np.ndarray and value.dtype == dtype and value.size <= MOST:
+    if type(value) is np.ndarray and value.dtype == dtype and value.size <= MOST_ELEMENTS:
         return value.copy()
     if np.ma.is_masked(value):
         raise RcdnError(
@@ -79,8 +79,8 @@ def _numbers(value: Any, dtype: np.dtype[Any], called: str) -> Array:
         )
     try:
         raw = np.asarray(value)
-        if raw.size > MOST:
-            raise RcdnError(f"{called} holds {raw.size} numbers, more than {MOST}; leave some out")
+        if raw.size > MOST_ELEMENTS:
+            raise RcdnError(f"{called} holds {raw.size} numbers, more than {MOST_ELEMENTS}; leave some out")
         kept = raw.dtype.kind in "buif" or raw.size == 0
         if not kept and raw.dtype.kind != "O":
             raise TypeError(f"not {raw.dtype}")

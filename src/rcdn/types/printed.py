@@ -14,7 +14,7 @@ from rcdn.types.plane import plane_points
 from rcdn.types.ranges import SPACING, grid_size, in_words, is_spacing
 from rcdn.types.target import PUZZLE, AprilGrid, Charuco, PuzzleBoard, check_target, grid_of, numbers
 
-LEAST = 2
+LEAST_CORNERS = 2
 """smallest number of corners along a side of a board"""
 
 
@@ -28,7 +28,7 @@ class Checkerboard:
     kind: ClassVar[str] = "checkerboard"
 
     def __post_init__(self) -> None:
-        grid_size((self.columns, self.rows), "a checkerboard's size", LEAST)
+        grid_size((self.columns, self.rows), "a checkerboard's size", LEAST_CORNERS)
 
     def __str__(self) -> str:
         return f"checkerboard of {self.columns}x{self.rows} inner corners"
@@ -64,7 +64,7 @@ class Deltille:
     kind: ClassVar[str] = "deltille"
 
     def __post_init__(self) -> None:
-        grid_size((self.columns, self.rows), "a deltille's size", LEAST)
+        grid_size((self.columns, self.rows), "a deltille's size", LEAST_CORNERS)
 
     def __str__(self) -> str:
         return f"deltille of {self.columns}x{self.rows} inner corners"
@@ -104,7 +104,7 @@ class PuzzlePart:
     kind: ClassVar[str] = "puzzleboard"
 
     def __post_init__(self) -> None:
-        grid_size((self.columns, self.rows), "a PuzzleBoard's size", LEAST)
+        grid_size((self.columns, self.rows), "a PuzzleBoard's size", LEAST_CORNERS)
         for name, first, count in (("column", self.column, self.columns), ("row", self.row, self.rows)):
             if count > PUZZLE:
                 raise ConfigError(f"a PuzzleBoard has at most {PUZZLE} {name}s of corners, not {count}")

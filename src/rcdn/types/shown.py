@@ -13,7 +13,7 @@ from rcdn.types.base import Array
 
 WIDTH = 360
 """width of a drawing, px"""
-MOST = 4000
+MOST_CORNERS = 4000
 """largest number of corners in a drawing"""
 COLOURS = ("#d1495b", "#00798c", "#edae49", "#30638e", "#6a994e", "#8f5fb5")
 """colours of the boards in a drawing, in turn"""
@@ -55,7 +55,7 @@ def drawing(
     unit = width / WIDTH
     parts = [f'<rect x="-.5" y="-.5" width="{width}" height="{height}" fill="#8881" stroke="#888" {_stroke(unit)}/>']
     if others is not None:
-        parts.append(_dots(others[:MOST], "#888", 1.5 * unit))
+        parts.append(_dots(others[:MOST_CORNERS], "#888", 1.5 * unit))
     for k, (xy, ij) in enumerate(boards):
         parts.append(_board(xy, ij, COLOURS[k % len(COLOURS)], unit))
     frame = f'viewBox="-.5 -.5 {width} {height}" width="{WIDTH}" height="{max(WIDTH * height // width, 1)}"'
@@ -65,7 +65,7 @@ def drawing(
 def _board(xy: Array, ij: Array, colour: str, unit: float) -> str:
     if not len(xy):
         return ""
-    order = np.lexsort((ij[:, 0], ij[:, 1]))[:MOST]
+    order = np.lexsort((ij[:, 0], ij[:, 1]))[:MOST_CORNERS]
     xy, ij = xy[order], ij[order]
     rows = np.split(xy, np.flatnonzero(np.diff(ij[:, 1])) + 1)
     lines = "".join(

@@ -12,7 +12,7 @@ from rcdn.types.arrays import Real, Shaped
 from rcdn.types.base import Array
 from rcdn.types.plane import plane_points
 
-MOST = 1000
+LARGEST = 1000
 """largest number of squares or tags along a side, and largest first number of a marker or tag"""
 PUZZLE = 501
 """columns and rows of the PuzzleBoard's master code"""
@@ -201,8 +201,8 @@ def check_target(target: Target) -> None:
     for name, value in asdict(target).items():
         if name in ("columns", "rows", "first_id", "border"):
             least = {"first_id": 0, "columns": 1 if target.kind == "aprilgrid" else 2}.get(name, 1)
-            if not (name == "rows" and value is None) and (type(value) is not int or not least <= value <= MOST):
-                raise ConfigError(f"target.{name} must be a whole number from {least} to {MOST}, not {shown(value)}")
+            if not (name == "rows" and value is None) and (type(value) is not int or not least <= value <= LARGEST):
+                raise ConfigError(f"target.{name} must be a whole number from {least} to {LARGEST}, not {shown(value)}")
         elif name in ("marker", "gap"):
             if type(value) not in (int, float) or not 0 < value < 1:
                 raise ConfigError(f"target.{name} must lie between 0 and 1, not {shown(value)}")

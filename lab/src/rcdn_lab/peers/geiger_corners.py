@@ -24,7 +24,7 @@ SUPPRESSION = 3
 LEAST_LIKELIHOOD = 0.02
 """least likelihood of a corner, with the picture's grey levels scaled to 0..1"""
 LEAST_SCORE = 0.02
-MOST = 3000
+MOST_CORNERS = 3000
 """Most corners, those with the largest likelihood, that are processed further: this limits the time on texture."""
 APART = 0.3
 """radians between the two edge directions, at least"""
@@ -59,7 +59,7 @@ def geiger_corners(grey: Array) -> GeigerCorners:
     likelihood = corner_likelihood(image)
     peaks = local_maxima(likelihood, SUPPRESSION, LEAST_LIKELIHOOD)
     strength = likelihood[peaks[:, 1], peaks[:, 0]]
-    peaks = peaks[np.argsort(-strength, kind="stable")[:MOST]]
+    peaks = peaks[np.argsort(-strength, kind="stable")[:MOST_CORNERS]]
     gx, gy = _gradient(image)
     angles, count = edge_directions(grey, peaks)
     angles = np.sort(angles[:, :2], axis=1)

@@ -27,7 +27,7 @@ WINDOW = 5.0
 """px; no link of a graph is shorter: the window of the surface fit would contain two corners"""
 AROUND = 3
 """links; the neighbourhood in which vertices of quadrangles are counted to choose the anchor"""
-SETTLED = 0.97
+ENOUGH = 0.97
 """Share of the board's corners with which no further attempt is made."""
 Near = dict[int, set[int]]
 """vertex → the vertices linked with it"""
@@ -51,7 +51,7 @@ def ocpad_board(grey: Array, size: tuple[int, int]) -> Array | None:
             count = _count(xy)
             if count >= least and (best is None or count > _count(best)):
                 best = xy
-        if best is not None and _count(best) > SETTLED * total:
+        if best is not None and _count(best) > ENOUGH * total:
             break
     return best
 

@@ -34,7 +34,7 @@ HALF = 2
 """half window of the saddle fit that distinguishes crossings from other junctions, px"""
 DETOUR, SLACK = 1.4, 4.0
 """largest length of a link: this factor times the straight distance, plus this many px"""
-MOST = 5000
+MOST_JUNCTIONS = 5000
 """Most junctions; a picture with more is considered texture, and has no graph."""
 
 
@@ -124,7 +124,7 @@ def _nodes(grey: Array, skeleton: Array) -> tuple[Array, Array]:
     junction = np.asarray(cv2.LUT(_codes(skeleton), _JUNCTION), np.uint8) & skeleton
     wide = cv2.dilate(junction, np.ones((2 * MERGE + 1,) * 2, np.uint8))
     count, label, _, centre = cv2.connectedComponentsWithStats(wide, connectivity=8)
-    if not 1 < count <= MOST:
+    if not 1 < count <= MOST_JUNCTIONS:
         return np.zeros((0, 2)), area
     saddle = _saddles(grey, centre[1:])
     kept = np.flatnonzero(np.isfinite(saddle).all(axis=1))

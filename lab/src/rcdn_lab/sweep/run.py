@@ -13,7 +13,7 @@ from rcdn_lab.peers import PEERS, Find, Grid, quiet
 from rcdn_lab.share_out import share_out
 from rcdn_lab.sweep.bound import bounds
 from rcdn_lab.sweep.pictures import FIRST, Picture, picture, seed_of
-from rcdn_lab.sweep.score import MOST, SHARE, Answers, Score, broken, row, score
+from rcdn_lab.sweep.score import LARGEST_RADIUS, SHARE, Answers, Score, broken, row, score
 from rcdn_lab.sweep.settings import FACTORS
 from rcdn_lab.weights import weights_of
 
@@ -45,7 +45,7 @@ def settings_of(count: int, preset: str, peers: Sequence[str]) -> dict[str, Any]
     """Settings recorded with the figures."""
     return {
         "count": count, "preset": preset, "weights": weights_of([preset]), "first seed": FIRST, "board": SIZE,
-        "hit": f"within {SHARE} of the distance to the nearest neighbour, at most {MOST} px",
+        "hit": f"within {SHARE} of the distance to the nearest neighbour, at most {LARGEST_RADIUS} px",
         "peers": {name: PEERS[name].version() for name in peers},
     }  # fmt: skip
 

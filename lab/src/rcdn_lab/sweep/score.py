@@ -15,7 +15,7 @@ from rcdn.types import Array
 from rcdn_lab.detections import labels_fit
 from rcdn_lab.peers import Grid
 
-SHARE, MOST = 0.35, 4.0
+SHARE, LARGEST_RADIUS = 0.35, 4.0
 """Largest distance of a hit: a share of the distance to the corner's nearest neighbour, and px."""
 
 
@@ -53,10 +53,10 @@ class Answers:
         self.xy = join([b.xy[b.visible] for b in boards], (2,))
         self.ij = join([b.ij[b.visible] for b in boards], (2,)).astype(int)
         self.board = join([np.full(int(b.visible.sum()), k) for k, b in enumerate(boards)]).astype(int)
-        self.radius = np.minimum(SHARE * join([b.pitch[b.visible] for b in boards]), MOST)
+        self.radius = np.minimum(SHARE * join([b.pitch[b.visible] for b in boards]), LARGEST_RADIUS)
         self.bound = join([e[b.visible] for b, e in zip(boards, bound, strict=True)])
         self.ignore = join([b.xy[b.ignore] for b in boards], (2,))
-        self.ignore_radius = np.minimum(SHARE * join([b.pitch[b.ignore] for b in boards]), MOST).clip(min=2.0)
+        self.ignore_radius = np.minimum(SHARE * join([b.pitch[b.ignore] for b in boards]), LARGEST_RADIUS).clip(min=2.0)
 
 
 def score(grids: Sequence[Grid], truth: Answers, raw: bool = False) -> Score:
@@ -96,7 +96,7 @@ def broken(truth: Answers, raw: bool, error: str) -> Score:
 def _counted(grid: Grid, truth: Answers) -> tuple[Grid, Array]:
     """The grid without corners at an ignored position that match nothing, and its hits (P, 2): index in grid, in
     truth."""
-    pairs, gaps = match(grid.xy, truth.xy, MOST)
+    pairs, gaps = match(grid.xy, truth.xy, LARGEST_RADIUS)
     pairs = pairs[gaps < truth.radius[pairs[:, 1]]]
     if not len(truth.ignore) or not len(grid.xy):
         return grid, pairs

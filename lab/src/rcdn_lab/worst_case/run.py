@@ -21,7 +21,7 @@ from rcdn.types import Array
 from rcdn_lab.worst_case.checkers import screen
 from rcdn_lab.worst_case.pictures import pictures
 
-LEAST = 0.1
+LEAST_MEGAPIXELS = 0.1
 """megapixels; smaller pictures count as this"""
 GOAL = 10.0
 """× the median of the photographs"""
@@ -62,7 +62,7 @@ def settings_of(photographs: Path, limit: float) -> dict[str, Any]:
     """Settings recorded with the figures."""
     return {
         "photographs": photographs.name, "most photographs": MOST_PHOTOGRAPHS, "limit s": limit, "threads": 1,
-        "least megapixels": LEAST, "goal": GOAL,
+        "least megapixels": LEAST_MEGAPIXELS, "goal": GOAL,
     }  # fmt: skip
 
 
@@ -110,7 +110,7 @@ def measured(name: str, limit: float) -> Answer:
 
 
 def _given_up(answer: Answer, limit: float) -> Answer:
-    megapixels = max(answer["width"] * answer["height"] / 1e6, LEAST)
+    megapixels = max(answer["width"] * answer["height"] / 1e6, LEAST_MEGAPIXELS)
     return answer | {"ms a megapixel": 1e3 * limit / megapixels, "ended": f"given up after {limit:g} s"}
 
 
@@ -150,4 +150,4 @@ def _timed(detector: Any, image: Array) -> tuple[float, Any]:
     """CPU time, ms per megapixel, and the result."""
     start = time.process_time()
     found = detector.detect(image)
-    return 1e3 * (time.process_time() - start) / max(image.size / 1e6, LEAST), found
+    return 1e3 * (time.process_time() - start) / max(image.size / 1e6, LEAST_MEGAPIXELS), found

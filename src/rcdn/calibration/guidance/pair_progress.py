@@ -9,7 +9,7 @@ import numpy as np
 from rcdn.calibration.added_pair import PairForecast, Projections
 from rcdn.calibration.candidates import GRID
 from rcdn.calibration.guidance.pair_estimate import PairKnown, Wishes
-from rcdn.calibration.guidance.progress import FEWEST, SETTLED, hopeless, reach_of
+from rcdn.calibration.guidance.progress import FEWEST, JUDGED_FROM, hopeless, reach_of
 from rcdn.calibration.next_pair import NextPair, next_pair
 from rcdn.calibration.next_view import distances_of, place_and_tilt
 from rcdn.types import Array, StereoCalibration
@@ -84,7 +84,7 @@ def _progress(wishes: Wishes, known: PairKnown, wanted: NextPair | None, forecas
     target, stereo = wishes[0].target, known.stereo
     sentence = BOTH if wanted is None else place_and_tilt(wanted.leading, wishes[wanted.lead].image_size)
     if stereo is None:
-        why = known.trouble if len(known.names) >= SETTLED else ""
+        why = known.trouble if len(known.names) >= JUDGED_FROM else ""
         unknown = (float("inf"),) * 3
         return PairProgress(
             known.names, None, wanted, unknown[0], unknown, None, target, False, bool(why), why or sentence

@@ -33,7 +33,7 @@ FEWEST = 8
 """least number of views for completion"""
 ENDLESS = 60
 """number of further pictures above which more pictures are not the remedy"""
-SETTLED = 10
+JUDGED_FROM = 10
 """least number of views for that decision"""
 HINDRANCES = ("bent", "smooth", "systematic", "rms", "uneven", "pair_rms", "epipolar")
 """checks of the verdict whose causes more pictures do not remove"""
@@ -176,7 +176,7 @@ def _where(wish: Wish, known: Known, wanted: NextView | None) -> str:
 def hopeless(verdict: Verdict | None, n: int, worst: float, target: float) -> str:
     """The reason why more pictures like the `n` accepted ones will not reach `target` px from `worst`, or ""."""
     needed = n * ((worst / target) ** 2 - 1)  # the variance of a mean is inversely proportional to the number of views
-    if n < SETTLED or needed <= ENDLESS or verdict is None or not verdict.judged:
+    if n < JUDGED_FROM or needed <= ENDLESS or verdict is None or not verdict.judged:
         return ""
     cause = next((r for r in verdict.against if r.key.split(".")[-1] in HINDRANCES), None)
     if cause is None:

@@ -23,7 +23,7 @@ FORMATS: dict[CameraFormat, Format] = {
     "opencv": opencv.FORMAT,
 }
 """in the order in which a file is compared with them: JSON may be of mrcal, YAML of Kalibr or ROS"""
-MOST = 4_000_000
+MOST_CHARACTERS = 4_000_000
 """largest number of characters of a camera file that isn't JSON: YAML of a larger file would take minutes to parse"""
 
 
@@ -101,5 +101,5 @@ def parsed(format: CameraFormat, path: str | Path, text: str) -> Any:
 
 
 def _check_length(path: str | Path, text: str) -> None:
-    if len(text) > MOST:
+    if len(text) > MOST_CHARACTERS:
         raise FormatError(f"{path}: too large for a camera file ({len(text) / 1e6:.0f} MB); check the path")

@@ -16,7 +16,7 @@ from rcdn.types.ranges import LARGEST
 
 YAML = (".yaml", ".yml")
 """endings of its files' names"""
-MOST = 1_000_000
+MOST_VALUES = 1_000_000
 """largest number of values in a file: with aliases, a short text can expand to any number of them"""
 
 
@@ -53,15 +53,15 @@ def load(path: str, text: str) -> Any:
     except (yaml.YAMLError, ValueError, TypeError, OverflowError, RecursionError) as error:
         reason = " ".join(str(error).split()).replace('"<unicode string>", ', "") or type(error).__name__
         raise FormatError(f"{path}: not YAML ({reason[:300]}); mend that line, or export the file again") from error
-    if _holds(value) > MOST:
-        raise FormatError(f"{path}: its aliases (*) say more than {MOST} values; export the file again")
+    if _holds(value) > MOST_VALUES:
+        raise FormatError(f"{path}: its aliases (*) say more than {MOST_VALUES} values; export the file again")
     return value
 
 
 def _holds(value: Any) -> int:
-    """The number of values, with those of an alias counted at each occurrence; counting stops above MOST."""
+    """The number of values, with those of an alias counted at each occurrence; counting stops above MOST_VALUES."""
     many, waiting = 0, [value]
-    while waiting and many <= MOST:
+    while waiting and many <= MOST_VALUES:
         many += 1
         found = waiting.pop()
         if isinstance(found, dict):

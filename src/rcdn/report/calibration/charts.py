@@ -15,7 +15,7 @@ from rcdn.types import Array, Calibration
 
 WIDTH, HEIGHT = 440, 280
 LEFT, RIGHT, TOP, BOTTOM = 46, 8, 24, 40
-MOST = 6000
+MOST_DOTS = 6000
 """largest number of dots in a drawing; more are thinned evenly"""
 WORSE = 1.5
 """multiple of the overall RMS above which a view's bar is highlighted"""
@@ -210,7 +210,7 @@ def _against(position: Array, outward: Array, far: float, what: str, name: str) 
     `name` of its axis."""
     reach = float(np.quantile(np.abs(outward), 0.995)) * 1.15 if len(outward) else 1.0
     axes = Axes(0.0, far, -reach or -1.0, reach or 1.0)
-    some = thinned(len(position), MOST)
+    some = thinned(len(position), MOST_DOTS)
     shown = np.stack([axes.x(position[some]), axes.y(np.clip(outward[some], axes.low, axes.high))], axis=-1)
     middle, mean, spread = _running(position, outward, far)
     sentence = ""

@@ -10,7 +10,7 @@ from markupsafe import Markup
 
 from rcdn.calibration.facts import Facts, cell_majority
 from rcdn.calibration.residual_facts import Cells, used_residuals
-from rcdn.report.calibration.charts import MOST, WIDTH, nice, plot, thinned
+from rcdn.report.calibration.charts import MOST_DOTS, WIDTH, nice, plot, thinned
 from rcdn.report.calibration.formats import coordinate, counted, number, percent, pixels
 from rcdn.report.calibration.svg import Drawing, dots, each, outline, segments, tag
 from rcdn.types import Array, Calibration
@@ -58,7 +58,7 @@ def coverage_map(calibration: Calibration, facts: Facts) -> Drawing:
     empty, blind = facts.in_view & (facts.coverage == 0), ~facts.in_view
     broken = empty & cell_majority(facts.broken, (cols, rows))
     xy, _ = used_residuals(calibration)
-    some = thinned(len(xy), MOST)
+    some = thinned(len(xy), MOST_DOTS)
     across = "".join(f"M{coordinate(x * size[0])} 0V{coordinate(sensor.height)}" for x in range(1, cols))
     down = "".join(f"M0 {coordinate(y * size[1])}H{coordinate(sensor.width)}" for y in range(1, rows))
     art = sensor.draw(
@@ -105,7 +105,7 @@ def residual_map(calibration: Calibration) -> Drawing:
     xy, residuals = used_residuals(calibration)
     longer = np.hypot(*residuals.T)
     stretch = TYPICAL / max(float(np.quantile(longer, 0.9)) if len(xy) else 1.0, 1e-9)
-    some = thinned(len(xy), MOST)
+    some = thinned(len(xy), MOST_DOTS)
     start = sensor.to(xy[some])
     lines = segments(start, start + residuals[some] * stretch)
     art = sensor.draw(

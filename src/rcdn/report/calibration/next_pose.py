@@ -9,7 +9,7 @@ from rcdn.calibration.next_view import NextView, sentence
 from rcdn.calibration.residual_facts import used_residuals
 from rcdn.calibration.sight import cell_centres, off_axis
 from rcdn.geometry import project, transform
-from rcdn.report.calibration.charts import MOST, thinned
+from rcdn.report.calibration.charts import MOST_DOTS, thinned
 from rcdn.report.calibration.maps import Sensor
 from rcdn.report.calibration.svg import Drawing, dots, outline, tag
 from rcdn.types import Array, Calibration, Plane
@@ -23,7 +23,7 @@ def suggested_pose(calibration: Calibration, found: NextView) -> Drawing:
     """The suggested board as the camera would see it, with the corners seen so far; and an instruction in words."""
     sensor = Sensor(calibration.camera.image_size)
     xy, _ = used_residuals(calibration)
-    seen = dots(sensor.to(xy[thinned(len(xy), MOST // 2)]))
+    seen = dots(sensor.to(xy[thinned(len(xy), MOST_DOTS // 2)]))
     dark, light = _squares(calibration, found)
     words = sentence(found, calibration.camera.image_size)
     art = sensor.draw(

@@ -23,7 +23,7 @@ page on photographs that aren't shown."""
 
 WIDTHS = (960, 760, 560, 480, 400, 320, 240, 180, 128)
 """possible widths of thumbnails, px; the largest that fits is used"""
-MOST = 120
+MOST_PICTURES = 120
 """largest number of pictures that are shown"""
 DOTS = 40_000
 """largest number of corners drawn in all thumbnails together"""
@@ -67,7 +67,7 @@ def shots(calibration: Calibration) -> list[Shot]:
     return [Shot(name, tuple(found), calibration.camera.image_size) for name, found in views.items()]
 
 
-def worth_showing(every: list[Shot], most: int = MOST) -> list[Shot]:
+def worth_showing(every: list[Shot], most: int = MOST_PICTURES) -> list[Shot]:
     """At most `most` of the pictures: first those with views left out, then those with the largest RMS, then an even
     selection of the others; in the order of the input."""
     if len(every) <= most:
