@@ -52,6 +52,9 @@ FIXABLE = ("aspect", "principal_point")
 """what can be held fixed: the aspect ratio (fx = fy); the principal point (at the centre of the picture)"""
 ENOUGH = 6
 """least number of pictures for which the held-out error is used to decide whether the board's shape is real"""
+FLAT = 1.1
+"""× the held-out error with a perfect board: above it that with the board's shape refutes the shape. A smaller excess
+does not, since cross-validation estimates the shape from a fifth less views than there are"""
 HOPELESS_MODEL = 2.0
 """× the least scatter that any model leaves: a model that leaves more is not fitted any further"""
 HOPELESS = 0.2
@@ -213,7 +216,7 @@ def _choose(task: Usable, fits: dict[str, robust.Fit]) -> tuple[str, tuple[Model
 
 
 def _flat_predicts_better(task: Usable, fit: robust.Fit, fixed: frozenset[str]) -> bool:
-    """Whether a planar, evenly spaced board predicts held-out pictures clearly better than the estimated shape.
+    """Whether a planar, evenly spaced board predicts held-out pictures far better than the estimated shape (`FLAT`).
 
     Views that hardly differ (none tilted, for example) do not determine a shape: it would then fit what is particular
     to these views.
@@ -223,7 +226,7 @@ def _flat_predicts_better(task: Usable, fit: robust.Fit, fixed: frozenset[str]) 
     common = choose.Task(task.corners, fit.weight, task.picture)
     flat = with_fixed(replace(fit.state, shape=np.zeros((0, 3)), prior=None), fixed)
     errors = [choose.held_out_rms(state, common, default_free(state, shape=True)) for state in (flat, fit.state)]
-    return errors[0] * choose.SIMPLER < errors[1]
+    return errors[0] * FLAT < errors[1]
 
 
 def _splined(
