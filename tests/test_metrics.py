@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rcdn.metrics import best_f1, match, nearest, precision_recall
+from rcdn.metrics import best_f1, match, precision_recall, within_radius
 
 
 def brute_match(found, truth, radius):
@@ -34,13 +34,13 @@ def test_match_is_brute_force(n, m, radius, lattice, seed):
     assert [tuple(p) for p in pairs.tolist()] == expected[0]
     assert gaps == pytest.approx(expected[1])
     assert np.array_equal(
-        nearest(found, truth, radius), (np.linalg.norm(found[:, None] - truth, axis=2) < radius).any(axis=1)
+        within_radius(found, truth, radius), (np.linalg.norm(found[:, None] - truth, axis=2) < radius).any(axis=1)
     )
 
 
 def test_a_duplicate_counts_as_near_but_matches_once():
     found, truth = np.array([[10.0, 10], [11, 10], [50, 50], [14, 10]]), np.array([[10.0, 10.0]])
-    assert nearest(found, truth, 4).tolist() == [True, True, False, False]  # 4 px is not closer than 4 px
+    assert within_radius(found, truth, 4).tolist() == [True, True, False, False]  # 4 px is not closer than 4 px
     pairs, gaps = match(found, truth, 4)
     assert pairs.tolist() == [[0, 0]]
     assert gaps.tolist() == [0]
@@ -51,7 +51,7 @@ def test_empty():
         pairs, gaps = match(np.array(found), np.array(truth), 2)
         assert pairs.shape == (0, 2)
         assert gaps.shape == (0,)
-        assert nearest(np.array(found), np.array(truth), 2).tolist() == [False] * len(found)
+        assert within_radius(np.array(found), np.array(truth), 2).tolist() == [False] * len(found)
     assert best_f1(np.zeros(0), np.zeros(0, bool), 5) == {"f1": 0, "precision": 0, "recall": 0, "threshold": 0, "ap": 0}
 
 

@@ -32,7 +32,7 @@ def match(found: Array, truth: Array, radius: float) -> tuple[Array, Array]:
     return np.array(pairs, int).reshape(-1, 2), np.array(gaps)
 
 
-def nearest(found: Array, truth: Array, radius: float) -> Bool[Array, " n"]:
+def within_radius(found: Array, truth: Array, radius: float) -> Bool[Array, " n"]:
     """(N,) True where a true corner is closer than `radius` px: as in the paper, a duplicate is a true positive."""
     found, truth = np.asarray(found, float).reshape(-1, 2), np.asarray(truth, float).reshape(-1, 2)
     if not len(found) or not len(truth):
@@ -55,7 +55,7 @@ def counted(found: Real[Array, "n 2"], truth: Array, blind: Array, radius: float
     """
     if not len(blind) or not len(found):
         return found
-    return found[(cKDTree(blind).query(found)[0] >= reach) | nearest(found, truth, radius)]
+    return found[(cKDTree(blind).query(found)[0] >= reach) | within_radius(found, truth, radius)]
 
 
 def best_f1(scores: Array, hits: Array, total: int) -> dict[str, float]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from rcdn.config import Nms
 from rcdn.corners.nms import nms
-from rcdn.metrics import best_f1, match, nearest
+from rcdn.metrics import best_f1, match, within_radius
 from rcdn.synthetic import HARD, Ranges, random_crop
 from rcdn.types import Array
 
@@ -52,7 +52,7 @@ def score_crop(response: Array, labels: Array, least: float = 0.05) -> Score:
     good = counted[pairs[:, 1]]
     hit, paired = np.zeros(len(xy), bool), np.zeros(len(xy), bool)
     hit[pairs[good, 0]], paired[pairs[:, 0]] = True, True
-    keep = hit | (_inside(xy, response.shape) & ~paired & ~nearest(xy, doubtful, DOUBT))
+    keep = hit | (_inside(xy, response.shape) & ~paired & ~within_radius(xy, doubtful, DOUBT))
     return score[keep], hit[keep], gaps[good], int(counted.sum())
 
 

@@ -11,7 +11,7 @@ from camera_files import mrcal, opencv_pixels
 
 from rcdn.errors import FormatError, RcdnError
 from rcdn.geometry import project, rotation, stereographic, unproject, zero_correction
-from rcdn.geometry.fit_lens import best_coefficients, nearest
+from rcdn.geometry.fit_lens import best_coefficients, nearest_camera
 from rcdn.geometry.undistort import resized
 from rcdn.io import (
     StereoCameras,
@@ -197,7 +197,7 @@ def test_the_best_fit_of_a_lens_that_needs_no_correction_is_that_lens():
     wide = Camera(K * [[0.4], [0.4], [1]], np.zeros(4), SIZE, "fisheye")
     assert best_coefficients(wide, "brown")[1] == np.inf
     with pytest.raises(RcdnError, match="brown can show"):
-        nearest(wide, [("brown", 5)])
+        nearest_camera(wide, [("brown", 5)])
     with pytest.raises(FormatError, match="write json"):
         lens_fit("a.yaml", replace(wide, K=np.diag([1.0, 1, 1]), correction=zero_correction(rippled(), 8)))
 

@@ -13,7 +13,7 @@ from rcdn.children import end_with_parent
 from rcdn.config import Adaptive, DetectorConfig, Fixed, MaxFraction, Std
 from rcdn.corners import find_candidates
 from rcdn.corners.response import load_model
-from rcdn.metrics import counted, match, nearest
+from rcdn.metrics import counted, match, within_radius
 from rcdn.synthetic import ORDINARY, random_scene, render, truth
 from rcdn.types import Array
 
@@ -58,7 +58,7 @@ def score_scene(index: int) -> Counts:
         right = len(pairs) == len(found) == len(corners)
         out[name] = (
             len(found),
-            int(nearest(found, corners, RADIUS).sum()),
+            int(within_radius(found, corners, RADIUS).sum()),
             len(pairs),
             len(corners),
             int(right),

@@ -48,7 +48,7 @@ def best_coefficients(camera: Camera, model: CameraModel, many: int | None = Non
     return found, float(np.sqrt((gap**2).mean())), float(gap.max())
 
 
-def nearest(camera: Camera, models: Sequence[tuple[CameraModel, int]]) -> tuple[Camera, float, float]:
+def nearest_camera(camera: Camera, models: Sequence[tuple[CameraModel, int]]) -> tuple[Camera, float, float]:
     """The best result of `best_coefficients` over several models, each with its number of coefficients, the simplest
     first: a later one is chosen if its RMS is below WORTH times the best so far. Raises RcdnError if none can represent
     the frame."""

@@ -19,7 +19,7 @@ from rcdn.config import DetectorConfig
 from rcdn.detector import Detector
 from rcdn.geometry.rules import TRIANGLES
 from rcdn.io import read_image
-from rcdn.metrics import match, nearest
+from rcdn.metrics import match, within_radius
 from rcdn.synthetic import DELTILLE, ORDINARY, BoardSpec, Scene, Sensor, random_scene, render, truth
 from rcdn.synthetic.degrade import expose, legible
 from rcdn.synthetic.render import irradiance
@@ -99,7 +99,7 @@ def score(scene: Scene, boards: list[Board], locatable: Array | None = None) -> 
     for board in boards:
         pairs, gaps = match(board.xy, known.xy[sure], RADIUS)
         other = np.setdiff1d(np.arange(len(board)), pairs[:, 0])
-        false += int((~nearest(board.xy[other], known.xy[known.ignore], RADIUS)).sum())
+        false += int((~within_radius(board.xy[other], known.xy[known.ignore], RADIUS)).sum())
         swapped = spec.swap != scene.sensor.invert
         good = same_lattice(board.ij[pairs[:, 0]], known.ij[sure[pairs[:, 1]]], swapped)
         wrong += int((~good).sum())

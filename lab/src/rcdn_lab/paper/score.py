@@ -9,7 +9,7 @@ import numpy as np
 from rcdn.config import Adaptive, DetectorConfig, Fixed, MaxFraction, Std, Threshold
 from rcdn.corners import find_maxima
 from rcdn.corners.patches import gather_zero
-from rcdn.metrics import counted, match, nearest
+from rcdn.metrics import counted, match, within_radius
 from rcdn.types import Array
 from rcdn_lab.paper.networks import Network
 from rcdn_lab.peers.chess import WINDOW
@@ -87,6 +87,6 @@ def count(found: Array, xy: Array, ignore: Array) -> Counts:
     """Counts of one picture: detections (N, 2) compared with true corners `xy` (M, 2) and positions (K, 2) that are
     neither demanded nor forbidden."""
     found = counted(found, xy, ignore, RADIUS, RADIUS)
-    near, reached = int(nearest(found, xy, RADIUS).sum()), int(nearest(xy, found, RADIUS).sum())
+    near, reached = int(within_radius(found, xy, RADIUS).sum()), int(within_radius(xy, found, RADIUS).sum())
     pairs = len(match(found, xy, RADIUS)[0])
     return Counts(1, len(xy), len(found), near, reached, pairs, near / max(len(found), 1), reached / max(len(xy), 1))

@@ -10,7 +10,7 @@ import numpy as np
 
 from rcdn.errors import FormatError
 from rcdn.geometry import lens_trouble
-from rcdn.geometry.fit_lens import nearest
+from rcdn.geometry.fit_lens import nearest_camera
 from rcdn.io.cameras.rig import StereoCameras
 from rcdn.io.fields import located, take
 from rcdn.types import Array, Camera, CameraModel
@@ -97,7 +97,7 @@ def coefficients(*models: tuple[CameraModel, int]) -> Callable[[Camera], LensFit
     """`Format.fit` for a format with these lens models: (model, number of coefficients), the simplest first."""
 
     def fit(camera: Camera) -> LensFit:
-        held, rms, largest = nearest(camera, models)
+        held, rms, largest = nearest_camera(camera, models)
         return LensFit(held, held.model, rms, largest)
 
     return fit
