@@ -72,8 +72,13 @@ def test_an_evaluation_goes_on_where_it_was_ended(tmp_path, monkeypatch):
     assert len(done) == people
     suite.rows_of(2, 10, 1, kept=kept)
     assert {run.seed for run in done[people:]} == {1}
-    suite.rows_of(1, 10, 1, kept=replace(kept, commit="b"))
+    suite.rows_of(1, 10, 1, kept=replace(kept, code="b"))
     assert len(done) == 3 * people
+    kept.path.write_text(kept.path.read_text()[:-9])  # the last line is of "b"; it was cut off
+    suite.rows_of(1, 10, 1, kept=replace(kept, code="b"))
+    assert len(done) == 3 * people + 1
+    assert suite.rows_of(2, 10, 1, kept=replace(kept, code="b"))
+    assert len(done) == 4 * people + 1
 
 
 def test_poses_at_random_fill_the_frame():

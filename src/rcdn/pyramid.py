@@ -149,7 +149,7 @@ def pictures_of(grey: Shaped[Array, "h w"], views: list[View]) -> list[Array]:
 
 
 def without_gaps(boards: list[Board]) -> bool:
-    """Whether there are boards, and none of them has missing corners inside."""
+    """Whether there are boards, and each is more than two corners wide and has no missing corner inside."""
     return bool(boards) and all(board.complete and min(board.size) > 2 for board in boards)
 
 

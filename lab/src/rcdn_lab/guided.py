@@ -7,8 +7,10 @@ below a target.
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from itertools import product
 from pathlib import Path
@@ -16,6 +18,8 @@ from typing import Any
 
 import numpy as np
 
+import rcdn
+import rcdn_lab
 from rcdn.calibration import calibrate
 from rcdn.calibration.candidates import GRID, frame_grid
 from rcdn.calibration.difference import difference
@@ -236,22 +240,35 @@ def _root_mean(values: Array) -> float:
 @dataclass(frozen=True)
 class Kept:
     """The errors of runs in the file `path`, a line for each, so that a long evaluation goes on where it was ended;
-    `commit` of the code: lines of another one don't count."""
+    `code`: digest of the code, lines of another one don't count."""
 
     path: Path
-    commit: str
+    code: str
 
     def read(self) -> dict[Run, Array]:
-        """(2, K) errors and stated deviations of each run that the file holds."""
-        lines = self.path.read_text().splitlines() if self.path.exists() else []
-        mine = [record for record in map(json.loads, lines) if record["commit"] == self.commit]
-        return {Run(**record["run"]): np.array(record["errors"], float) for record in mine}
+        """(2, K) errors and stated deviations of each run that the file holds; a line that was cut off holds none."""
+        found = {}
+        for line in self.path.read_text("utf-8").splitlines() if self.path.exists() else []:
+            with suppress(json.JSONDecodeError):
+                record = json.loads(line)
+                if record["code"] == self.code:
+                    found[Run(**record["run"])] = np.array(record["errors"], float)
+        return found
 
     def add(self, run: Run, errors: Array) -> None:
         """Append a line."""
-        record = {"commit": self.commit, "run": asdict(run), "errors": errors.tolist()}
-        with self.path.open("a") as file:
-            file.write(json.dumps(record) + "\n")
+        record = {"code": self.code, "run": asdict(run), "errors": errors.tolist()}
+        with self.path.open("a", encoding="utf-8") as file:
+            file.write(f"\n{json.dumps(record)}")  # apart from a line that was cut off
+
+
+def code_digest() -> str:
+    """SHA-256 of the source files of both distributions."""
+    digest = hashlib.sha256()
+    for package in (rcdn, rcdn_lab):
+        for path in sorted(Path(str(package.__file__)).parent.rglob("*.py")):
+            digest.update(path.read_bytes())
+    return digest.hexdigest()
 
 
 def rows_of(

@@ -53,8 +53,8 @@ FIXABLE = ("aspect", "principal_point")
 ENOUGH = 6
 """least number of pictures for which the held-out error is used to decide whether the board's shape is real"""
 FLAT = 1.1
-"""× the held-out error with a perfect board: above it that with the board's shape refutes the shape. A smaller excess
-does not, since cross-validation estimates the shape from a fifth less views than there are"""
+"""× the held-out error with a perfect board: if that with the board's shape is larger than this, the shape is rejected.
+A smaller excess does not count, since cross-validation estimates the shape from a fifth fewer views than there are"""
 HOPELESS_MODEL = 2.0
 """× the least scatter that any model leaves: a model that leaves more is not fitted any further"""
 HOPELESS = 0.2

@@ -45,10 +45,10 @@ def compare(starts: list[State], task: Task, free: list[Array]) -> tuple[int, li
     """Index of the selected model, and the trial of each; `starts` are the models' initial states, the simplest first,
     `free` (K,) their unknowns.
 
-    Selected is the simplest model whose held-out error is close to the least. A model whose error on its own pictures
-    is no smaller than the held-out error of a simpler one is not cross-validated. A lens that has no rays in a part of
-    the frame in which another has them is excluded: polynomials may fold where no corner was. With too few pictures
-    `brown`, the usual choice, is selected if it is among the models.
+    Selected is the simplest model whose held-out error, weighted as in the fit (`rms`), is close to the least. A model
+    whose error on its own pictures is no smaller than the held-out error of a simpler one is not cross-validated. A
+    lens that has no rays in a part of the frame in which another has them is excluded: polynomials may fold where no
+    corner was. With too few pictures `brown`, the usual choice, is selected if it is among the models.
     """
     states = [solve(s, task.corners, task.weight, f).state for s, f in zip(starts, free, strict=True)]
     fits = [rms(residuals(s, task.corners), task.weight) for s in states]
@@ -87,9 +87,9 @@ def held_out_rms(state: State, task: Task, free: Array) -> float:
 
 
 def rms(gaps: Real[Array, "n 2"], weight: Array) -> float:
-    """Root mean squared length of `gaps` (N, 2), px, each by the square of its `weight` (N,): uncertain corners, as of
-    blurred pictures, count little, as they do in the fit. NaN if no corner has a weight, infinite if one of those has
-    no projection."""
+    """Root mean squared length of `gaps` (N, 2), px, each weighted by the square of its `weight` (N,): uncertain
+    corners, as of blurred pictures, count little, as they do in the fit. NaN if no corner has a weight, infinite if one
+    of those has no projection."""
     mine = weight > 0
     if not mine.any() or np.isnan(gaps[mine]).all():
         return float("nan")

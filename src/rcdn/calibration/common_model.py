@@ -107,7 +107,8 @@ def _common(candidates: dict[str, Both], pairs: Sequence[tuple[int, int]], given
     held = _held_out(list(candidates.values()), pairs)
     reaches = np.array([[reach(c.camera) for c in both] for both in candidates.values()])
     whole = reaches >= reaches.max(axis=0) - choose.LOST
-    fair = whole.all(axis=1) & ~(held[:, :2] > WORSE * held[:, :2].min(axis=0)).any(axis=1)
+    least = np.where(np.isnan(held[:, :2]), np.inf, held[:, :2]).min(axis=0)
+    fair = whole.all(axis=1) & ~(held[:, :2] > WORSE * least).any(axis=1)
     names = [m for m, f in zip(candidates, fair, strict=True) if f and given in ("", m)]
     if given or not names:
         return names[0] if names else ""

@@ -96,15 +96,15 @@ def pose(
     check_file("--json", json, [Path(i) for i in inputs])
     config = DetectorConfig.preset("auto", pattern=pattern.value, target=target.reads)
     size = None if board is None else (board.cols, board.rows)
+    if rig is not None and camera_name is not None:
+        raise ConfigError("--camera-name is for --camera; leave it out with --rig")
+    lens = None if camera is None else chosen_camera(camera, camera_name, "--camera")
     settings = DetectionSettings(config, open_cache(config, cache, off=no_cache), jobs, size)
-    if rig is not None:
-        if camera_name is not None:
-            raise ConfigError("--camera-name is for --camera; leave it out with --rig")
+    if lens is None:
         from rcdn.batch.rig_poses import rig_poses
 
-        rig_poses(rig, inputs, length, settings, json)
+        rig_poses(present(rig, "--rig"), inputs, length, settings, json)
         return
-    lens = chosen_camera(present(camera, "--camera"), camera_name, "--camera")
     got = settings.gather(inputs)
     note_target(config.target, got)
     check_spacing(length, sizes_of([found for image in got.images for found in image.boards], size))

@@ -69,8 +69,8 @@ def camera_lines(calibration: Calibration) -> list[str]:
 
 
 def _held_out(c: Calibration) -> str:
-    """The held-out error as a multiple of the RMS. Both are over the corners on which models were compared, some of
-    which the final calibration may exclude."""
+    """The held-out error as a multiple of that in the pictures themselves. Both are weighted as in the fit, over the
+    corners on which models were compared, some of which the final calibration may exclude."""
     if np.isnan(c.held_out):
         return "too few pictures to hold any out"
     from rcdn.calibration.facts import multiple

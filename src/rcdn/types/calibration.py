@@ -83,8 +83,8 @@ class BoardView(Value):
 
 @dataclass(frozen=True)
 class ModelScore:
-    """Scores of one lens model: `rms`, the calibration's reprojection error, and `held_out`, that of pictures which the
-    calibration didn't use, px (NaN: not evaluated)."""
+    """Scores of one lens model, RMS reprojection errors weighted as in the fit, px: `rms` of the pictures it was fitted
+    to, and `held_out` of pictures that it was not (NaN: not evaluated)."""
 
     model: str
     rms: float
@@ -200,7 +200,7 @@ class Calibration(Value):
 
     @property
     def held_out(self) -> float:
-        """Reprojection error of views not used for the calibration, px; NaN if there were too few."""
+        """RMS reprojection error, weighted as in the fit, of pictures held out of it, px; NaN if there were too few."""
         return self.models[0].held_out if self.models else float("nan")
 
     @property

@@ -101,8 +101,8 @@ def code(camera: Camera) -> str:
 
 
 def models(calibration: Calibration) -> list[Model]:
-    """The lens models, the chosen one first. They were compared on the same set of corners, some of which the final
-    calibration may leave out."""
+    """The lens models, the chosen one first. They were compared on the same set of corners, weighted as in the fit,
+    some of which the final calibration may leave out."""
     return [
         Model(s.model, (multiple(s.rms, calibration.models[0].rms), multiple(s.held_out, calibration.models[0].rms)))
         for s in calibration.models

@@ -30,11 +30,13 @@ def guided(
     guide wants it, well tilted. Corners have a noise of 0.1 px; `bent` boards are uneven and solved for. Also: errors
     after ten pictures, px, and the stated deviation ÷ the true error of the guided.
     """
-    from rcdn.provenance import commit
+    from rcdn.io import check_writable
     from rcdn_lab import guided as suite
 
     check_files(json)
-    store = None if kept is None else suite.Kept(kept, commit())
+    if kept is not None:
+        check_writable(kept)
+    store = None if kept is None else suite.Kept(kept, suite.code_digest())
     with bar("people") as step:
         rows = suite.rows_of(runs, most, workers or os.cpu_count() or 1, step, store)
     show(rows, json, "guided", {"runs": runs, "most": most})
