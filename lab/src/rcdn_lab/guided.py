@@ -58,7 +58,7 @@ TRIES = 30
 """random poses, of which the one that newly covers most of the sensor is taken"""
 CELLS, COVERED = (12, 9), 0.95
 """equal parts of the sensor, and the share of them after which coverage starts again"""
-COUNTS = (4, 5, 6, 7, 8, 9, 10, 12, 14, 17, 20, 24, 29, 35, 42, 50)
+COUNTS = (4, 5, 6, 7, 8, 9, 10, 12, 14, 17, 20, 24, 29, 35, 42, 50, 60)
 """numbers of pictures after which a camera is evaluated"""
 TARGETS = (0.1, 0.3)
 """px, in the corners of the frame: the goal, and what bent boards allow"""
