@@ -41,8 +41,8 @@ def labels_of(board: Board, size: Size, dark: bool | None) -> Int[Array, "m 2"] 
 
     A board whose bounding box has that size, holes included, is the whole one; one of the transposed size is rotated by
     the quarter turn of `Board.grid_of`. A smaller one is placed if the picture's border cut it so that it has one place
-    only. `dark`: whether the square inside the whole board's
-    (0, 0) is dark (`common_colour`); None if unknown: then no part is placed.
+    only. `dark`: whether the square inside the whole board's (0, 0) is dark (`common_colour`); None if unknown: then no
+    part is placed.
     """
     if not len(board):
         return None
