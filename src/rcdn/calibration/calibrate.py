@@ -52,9 +52,6 @@ FIXABLE = ("aspect", "principal_point")
 """what can be held fixed: the aspect ratio (fx = fy); the principal point (at the centre of the picture)"""
 ENOUGH = 6
 """least number of pictures for which the held-out error is used to decide whether the board's shape is real"""
-FLAT = 1.1
-"""× the held-out error with a perfect board: if that with the board's shape is larger than this, the shape is rejected.
-A smaller excess does not count, since cross-validation estimates the shape from a fifth fewer views than there are"""
 HOPELESS_MODEL = 2.0
 """× the least scatter that any model leaves: a model that leaves more is not fitted any further"""
 HOPELESS = 0.2
@@ -216,17 +213,12 @@ def _choose(task: Usable, fits: dict[str, robust.Fit]) -> tuple[str, tuple[Model
 
 
 def _flat_predicts_better(task: Usable, fit: robust.Fit, fixed: frozenset[str]) -> bool:
-    """Whether a planar, evenly spaced board predicts held-out pictures far better than the estimated shape (`FLAT`).
-
-    Views that hardly differ (none tilted, for example) do not determine a shape: it would then fit what is particular
-    to these views.
-    """
+    """`choose.flat_predicts_better` on the used corners of `fit`; False with too few pictures."""
     if len(np.unique(task.picture)) < ENOUGH:
         return False
     common = choose.Task(task.corners, fit.weight, task.picture)
     flat = with_fixed(replace(fit.state, shape=np.zeros((0, 3)), prior=None), fixed)
-    errors = [choose.held_out_rms(state, common, default_free(state, shape=True)) for state in (flat, fit.state)]
-    return errors[0] * FLAT < errors[1]
+    return choose.flat_predicts_better(flat, fit.state, common, lambda state: default_free(state, shape=True))
 
 
 def _splined(

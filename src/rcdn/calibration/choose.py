@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +20,9 @@ LOST = 0.01
 """share of the frame without rays above which a model is excluded"""
 SIMPLER = 1.05
 """× the least held-out error: the simplest model below it is selected"""
+FLAT = 1.1
+"""× the held-out error with a perfect board: if that with the board's shape is larger than this, the shape is rejected.
+A smaller excess does not count, since cross-validation estimates the shape from a fifth fewer views than there are"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +88,17 @@ def held_out(state: State, task: Task, free: Array) -> Real[Array, "n 2"]:
 def held_out_rms(state: State, task: Task, free: Array) -> float:
     """Error in held-out pictures, px: the `rms` of `held_out`."""
     return rms(held_out(state, task, free), task.weight)
+
+
+def flat_predicts_better(flat: State, shaped: State, task: Task, free: Callable[[State], Array]) -> bool:
+    """Whether a planar, evenly spaced board predicts held-out pictures far better than the estimated shape (`FLAT`);
+    `flat`, `shaped`: the solution with each, `free` gives the unknowns (K,) of a state.
+
+    Views that hardly differ (none tilted, for example) do not determine a shape: it would then fit what is particular
+    to these views.
+    """
+    errors = [held_out_rms(state, task, free(state)) for state in (flat, shaped)]
+    return errors[0] * FLAT < errors[1]
 
 
 def rms(gaps: Real[Array, "n 2"], weight: Array) -> float:

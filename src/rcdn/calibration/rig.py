@@ -12,12 +12,11 @@ import numpy as np
 
 from rcdn.calibration import robust
 from rcdn.calibration.arguments import check_boards
-from rcdn.calibration.board_points import plane_of
 from rcdn.calibration.calibrate import check_arguments, names_of, with_geometries
 from rcdn.calibration.coded import Geometries, Spacing
 from rcdn.calibration.common_model import one_model
 from rcdn.calibration.fixed_boards import in_sets
-from rcdn.calibration.joint_views import camera_jacobian, rms_of, solved_camera, solved_view
+from rcdn.calibration.joint_views import rms_of
 from rcdn.calibration.known_lens import with_known_lens
 from rcdn.calibration.labels import Size
 from rcdn.calibration.lags import lags_of, late_moments
@@ -26,16 +25,12 @@ from rcdn.calibration.rig_facts import judged_rig, links_of, pairs_of
 from rcdn.calibration.rig_fit import fitted
 from rcdn.calibration.rig_graph import RigGraph, sights_of
 from rcdn.calibration.rig_held_out import held_out_epipolar
+from rcdn.calibration.rig_solution import RigSolution
 from rcdn.calibration.rig_start import Key
 from rcdn.calibration.rig_task import RigTask
-from rcdn.calibration.shape import board_shape
 from rcdn.calibration.time_shift import InStep, by_name, in_step, times_of
-from rcdn.calibration.uncertainty import covariance, with_held
 from rcdn.errors import CalibrationError, ConfigError
-from rcdn.types import Array, Board, BoardShape, Calibration, Camera, FixedBoard, Pose, Rig, RigCalibration
-
-PATHLESS = "the camera is out of step, and where the board was when it took this picture isn't known"
-ODD = "it disagrees with the other cameras on where the board is"
+from rcdn.types import Array, Board, Calibration, Camera, FixedBoard, RigCalibration
 
 
 @one_thread()
@@ -205,20 +200,10 @@ def _result(
     given: tuple[str, ...],
 ) -> RigCalibration:
     main, fit = task.cameras, step.fit
-    used = np.array([f for f, reason in enumerate(fit.reasons) if not reason])
-    if not len(used):
-        raise CalibrationError("no board agrees with the others: check which pictures belong to one moment")
-    cov = with_held(covariance(fit.arrow, used, fit.scale, fit.clustered), fit.free)
+    solution = RigSolution.of(task, fit, step.taken, step.lost)
     names = tuple(order[c] for c in main)
-    lenses = sum(len(c.parameters) for c in fit.state.cameras)
-    places = slice(lenses, lenses + 6 * (len(main) - 1))
-    whole = np.zeros((6 * len(main), 6 * len(main)))
-    whole[6:, 6:] = cov[places, places]
-    rig = Rig(names, fit.state.cameras, tuple(Pose(T) for T in fit.state.rig), whole)
-    done, shape = list(alone), _shape(fit, alone[task.shape])
-    for local, c in enumerate(main):
-        J = camera_jacobian(rig, local, len(cov))
-        done[c] = _one(task, step, alone[c], local, c, shape, J @ cov @ J.T)
+    rig = solution.rig(names)
+    done = solution.cameras(alone, rig)
     boards = {key: T for key, T in task.poses_of(fit.state).items() if not fit.reasons[task.boards[key]]}
     found = RigCalibration(
         rig=rig,
@@ -232,7 +217,7 @@ def _result(
         shifts=by_name(step.shifts, names),
         corrected=tuple(names[c] for c in step.late),
         given=given,
-        fixed_boards=_boards(task, fit, alone, cov[places.stop :, places.stop :]),
+        fixed_boards=_boards(task, fit, alone, solution.cov[solution.places.stop :, solution.places.stop :]),
     )
     return judged_rig(found)
 
@@ -261,28 +246,3 @@ def _epipolar(task: RigTask, step: InStep, names: Sequence[str]) -> dict[tuple[s
     """By two cameras, the distance of their corners from epipolar planes in held-out moments, px."""
     found = held_out_epipolar(step.fit, step.corners, task.ij, task.cluster)
     return {(names[a], names[b]): gap for (a, b), gap in found.items()}
-
-
-def _shape(fit: robust.Fit, shaped: Calibration) -> BoardShape | None:
-    """The shape of the board that all cameras saw."""
-    if not len(fit.state.shape) or shaped.size is None:
-        return None
-    return board_shape(fit.state.shape, shaped.size, plane_of(shaped))
-
-
-def _one(
-    task: RigTask, step: InStep, before: Calibration, local: int, c: int, shape: BoardShape | None, cov: Array
-) -> Calibration:
-    """One camera's calibration after the joint solution."""
-    views, odd, fit = [], set(task.turned.odd), step.fit
-    for k, view in enumerate(before.views):
-        rows = task.rows.get((c, k))
-        if rows is None:
-            gone = np.zeros(len(view), bool)
-            views.append(replace(view, reason=ODD, used=gone) if (c, k) in odd else view)
-            continue
-        f = int(task.corners.frame[rows[0]])
-        T = step.taken.get((c, k), fit.state.rig[local] @ task.pose(fit.state, c, k))
-        reason = fit.reasons[f] or (PATHLESS if (c, k) in step.lost else "" if fit.used[rows].any() else ODD)
-        views.append(solved_view(view, task.ij, rows, T, fit, reason))
-    return solved_camera(before, local, views, fit, shape, cov)

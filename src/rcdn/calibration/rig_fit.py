@@ -31,8 +31,8 @@ class Joint:
 
 def fitted(joint: Joint, start: State, shaped: bool, spacing: float) -> robust.Fit:
     """The solution from the initial guess `start`, whose board is perfect; or that with a board shape common to all
-    cameras, if it is to be tried (`shaped`) and predicts the boards of held-out moments better. `spacing`: side of a
-    square, m."""
+    cameras, if it is to be tried (`shaped`), unless a perfect board predicts the boards of held-out moments far better.
+    `spacing`: side of a square, m."""
     free = free_of(start, joint)
     state, noise = robust.initial_fit(start, joint.corners, joint.sigma, free)
     flat = robust.fit(state, noise, joint.corners, joint.sigma, free, joint.cluster, power=UNBIASED)
@@ -41,7 +41,7 @@ def fitted(joint: Joint, start: State, shaped: bool, spacing: float) -> robust.F
     state = replace(flat.state, shape=np.zeros((len(FUNCTIONS), 3)), prior=None)
     free = free_of(state, joint)
     curved = robust.fit(state, flat.noise, joint.corners, joint.sigma, free, joint.cluster, spacing, UNBIASED)
-    return curved if _predicts_better(joint, curved, flat) else flat
+    return flat if _flat_predicts_better(joint, curved, flat) else curved
 
 
 def refitted(joint: Joint, before: robust.Fit, spacing: float) -> robust.Fit:
@@ -67,11 +67,10 @@ def free_of(state: State, joint: Joint) -> Array:
     return free
 
 
-def _predicts_better(joint: Joint, curved: robust.Fit, flat: robust.Fit) -> bool:
-    """Whether the boards of held-out moments are predicted better with a board shape than with a perfect board."""
+def _flat_predicts_better(joint: Joint, curved: robust.Fit, flat: robust.Fit) -> bool:
+    """`choose.flat_predicts_better` on some of the moments."""
     moment = joint.cluster[joint.corners.frame]
     every = np.unique(moment)
     some = np.isin(moment, every[np.linspace(0, len(every) - 1, min(len(every), COMPARED)).astype(int)])
     task = choose.Task(joint.corners.take(some), (curved.weight * flat.used)[some], moment[some])
-    misses = [choose.held_out_rms(f.state, task, free_of(f.state, joint)) for f in (curved, flat)]
-    return misses[0] < misses[1]
+    return choose.flat_predicts_better(flat.state, curved.state, task, lambda state: free_of(state, joint))

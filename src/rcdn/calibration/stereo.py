@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -10,21 +10,23 @@ import numpy as np
 
 from rcdn.calibration import robust
 from rcdn.calibration.arguments import check_boards
-from rcdn.calibration.bundle import Corners3, State, default_free
+from rcdn.calibration.bundle import State
 from rcdn.calibration.calibrate import calibrate, check_arguments, names_of, with_geometries
 from rcdn.calibration.coded import Geometries, Spacing
 from rcdn.calibration.common_model import one_model
 from rcdn.calibration.epipolar import epipolar_gaps, matches
-from rcdn.calibration.joint_views import JointViews, camera_jacobian, rms_of, solved_camera, solved_view
+from rcdn.calibration.fixed_boards import FixedBoards
+from rcdn.calibration.joint_views import rms_of
 from rcdn.calibration.labels import Size
 from rcdn.calibration.one_thread import one_thread
 from rcdn.calibration.relative_pose import FEWEST_PAIRS, determines_pose, matrix, place
-from rcdn.calibration.shape import KNOWN, on_shape
-from rcdn.calibration.solver import Arrow
+from rcdn.calibration.rig_fit import fitted
+from rcdn.calibration.rig_solution import RigSolution
+from rcdn.calibration.rig_start import Key, Turned
+from rcdn.calibration.rig_task import RigTask
 from rcdn.calibration.stereo_verdict import judged_stereo
-from rcdn.calibration.uncertainty import covariance
 from rcdn.errors import CalibrationError, ConfigError, many
-from rcdn.types import Array, Board, BoardShape, Calibration, Camera, Pose, Rig, StereoCalibration
+from rcdn.types import Array, Board, Calibration, Camera, StereoCalibration
 
 Names = tuple[Sequence[str], Sequence[str]]
 
@@ -59,13 +61,13 @@ def calibrate_stereo(
 @dataclass(frozen=True, eq=False)
 class StereoSolution:
     """A stereo calibration and its joint solution: `state`, both cameras, the poses in the left one, and the relative
-    pose; `arrow`, the factor of its normal matrix; `cov` (P + 6, P + 6), the covariance of the shared parameters (left
-    lens, right lens, relative pose) and of the boards' mean motion in the left camera, over `used` frames."""
+    pose; `cov` (P + 6, P + 6), the covariance of the lenses and the relative pose and of the boards' mean motion in the
+    left camera, over `used` frames; `single` (P, P): that from the noise of single corners, but for a factor."""
 
     stereo: StereoCalibration
     state: State
-    arrow: Arrow
     cov: Array
+    single: Array
     used: int
 
 
@@ -83,23 +85,7 @@ def stereo_solution(
     pairs = _pairs(left, right, pairs)
     if pairs and all(np.array_equal(left[a].xy, right[b].xy) for a, b in pairs):
         raise ConfigError("left and right are the same boards, corner by corner; give the other camera's pictures")
-    named = names or (None, None)
-    geometries = _common(left, right, spacing, size)
-    first = _alone(0, left, geometries or spacing, named[0], model, size)
-    second = _alone(1, right, geometries or spacing, named[1], model, size or first.size)
-    if first.size != second.size:
-        raise CalibrationError(
-            f"the cameras saw different boards ({_text(first.size)} left, {_text(second.size)} right): "
-            "name the size to use"
-        )
-    note = ""
-    if model == "auto":
-        boards, whole = (left, right), size or first.size
-        first, second, note = one_model(
-            (first, second),
-            lambda side, name: _alone(side, boards[side], geometries or spacing, named[side], name, whole),
-            pairs,
-        )
+    first, second, note = _each(left, right, spacing, pairs, names, model, size)
     shared = [p for p in pairs if determines_pose(first.views[p[0]], second.views[p[1]])]
     if len(shared) < FEWEST_PAIRS:
         some = many(len(shared), "pair shows", "pairs show")
@@ -108,13 +94,45 @@ def stereo_solution(
             "and check that the pictures are given in the same order or with the same names"
         )
     T, turned, odd = place(first, second, shared, pairs)
-    task = stereo_task(first, second, [p for p in shared if p not in odd], turned)
-    start = stereo_start(task, first, second, T)
-    start, noise = robust.initial_fit(start, task.corners, task.sigma, default_free(start, rig=True))
-    fit = robust.fit(start, noise, task.corners, task.sigma, default_free(start, rig=True))
-    done, cov = _result(task, fit, first, second, odd)
+    task = pair_task(first, second, [p for p in shared if p not in odd], turned)
+    shaped = (first, second)[task.shape]
+    start = task.start((first, second), {0: np.eye(4), 1: T})
+    fit = fitted(task.joint, start, shaped=shaped.shape is not None, spacing=shaped.spacing)
+    solution = _agreeing(RigSolution.of(task, fit))
+    done = _result(solution, first, second, odd)
     judged = judged_stereo(replace(done, advice=(*done.advice, note)) if note else done)
-    return StereoSolution(judged, fit.state, fit.arrow, cov, sum(not reason for reason in fit.reasons))
+    end = solution.places.stop
+    mine = [*range(end), *range(len(solution.cov) - 6, len(solution.cov))]
+    single = fit.arrow.covariance[:end, :end]
+    return StereoSolution(judged, fit.state, solution.cov[np.ix_(mine, mine)], single, len(solution.used))
+
+
+def _each(
+    left: Sequence[Board],
+    right: Sequence[Board],
+    spacing: Spacing,
+    pairs: Sequence[tuple[int, int]],
+    names: Names | None,
+    model: str,
+    size: Size | None,
+) -> tuple[Calibration, Calibration, str]:
+    """The calibration of each camera alone, of one lens model where `auto` may choose and both see alike; and a note on
+    that choice, or ""."""
+    named = names or (None, None)
+    of = _common(left, right, spacing, size) or spacing
+    first = _alone(0, left, of, named[0], model, size)
+    second = _alone(1, right, of, named[1], model, size or first.size)
+    if first.size != second.size:
+        raise CalibrationError(
+            f"the cameras saw different boards ({_text(first.size)} left, {_text(second.size)} right): "
+            "name the size to use"
+        )
+    if model != "auto":
+        return first, second, ""
+    boards, whole = (left, right), size or first.size
+    return one_model(
+        (first, second), lambda side, name: _alone(side, boards[side], of, named[side], name, whole), pairs
+    )
 
 
 def _common(left: Sequence[Board], right: Sequence[Board], spacing: Spacing, size: Size | None) -> Geometries | None:
@@ -163,73 +181,42 @@ def _pairs(
     return list(pairs)
 
 
-@dataclass(frozen=True, eq=False)
-class StereoTask:
-    """Frames of the joint problem: `seen` (index of the left view or −1, of the right view or −1), with all their
-    `corners` and labels `ij` (N, 2); `rows`: (camera, view) → rows of the corners; `shape` of the board, that of the
-    left camera's calibration."""
-
-    seen: list[tuple[int, int]]
-    ij: Array
-    corners: Corners3
-    sigma: Array
-    rows: dict[tuple[int, int], Array]
-    shape: BoardShape | None
-
-
-def stereo_task(
-    first: Calibration, second: Calibration, pairs: list[tuple[int, int]], turned: dict[int, int]
-) -> StereoTask:
-    """The joint problem of the views of both calibrations, of which `pairs` are of the same board at the same moment;
-    `turned`: quarter turns of the right views' labels."""
-    lefts, rights = {a for a, _ in pairs}, {b for _, b in pairs}
-    alone = [(k, -1) for k, v in enumerate(first.views) if not v.reason and k not in lefts]
-    alone += [(-1, k) for k, v in enumerate(second.views) if not v.reason and k not in rights]
-    seen = [*pairs, *alone]
-    views = JointViews(first)
-    for f, pair in enumerate(seen):
-        for c, (k, calibration) in enumerate(zip(pair, (first, second), strict=True)):
-            if k >= 0:
-                views.add(calibration, (c, k), f, c, turned.get(k, 0) if c else 0)
-    rows = views.joined()
-    board, basis, shaped = rows.flat, np.zeros((len(rows.ij), 1)), rows.shaped
-    board[shaped], basis[shaped] = on_shape(board[shaped], rows.ij[shaped], first.shape)
-    corners = Corners3(rows.frame, rows.camera, board, rows.xy, basis)
-    return StereoTask(seen, rows.ij, corners, rows.sigma, views.rows, first.shape)
+def pair_task(
+    first: Calibration, second: Calibration, pairs: Sequence[tuple[int, int]], turned: Mapping[int, int]
+) -> RigTask:
+    """The joint problem of both calibrations as that of a rig of two: `pairs` of their views are of the same board at
+    the same moment; `turned`: quarter turns of the right views' labels."""
+    alone = (first, second)
+    when = [[f"{'lr'[c]}{k}" for k in range(len(each.views))] for c, each in enumerate(alone)]
+    for a, b in pairs:
+        when[1][b] = when[0][a]
+    sights: list[dict[Key, int]] = [{(when[c][pair[c]], 0): pair[c] for pair in pairs} for c in (0, 1)]
+    boards = {key: matrix(first.views[a]) for key, a in sights[0].items()}
+    fits = Turned({(1, b): turn for b, turn in turned.items()}, [], boards)
+    return RigTask.of([0, 1], alone, sights, fits, when, [False, False], FixedBoards())
 
 
-def stereo_start(task: StereoTask, first: Calibration, second: Calibration, T: Array) -> State:
-    """The joint state from both calibrations and the relative pose `T` (4, 4)."""
-    poses = [matrix(first.views[a]) if a >= 0 else np.linalg.inv(T) @ matrix(second.views[b]) for a, b in task.seen]
-    return State((first.camera, second.camera), np.array(poses), np.stack([np.eye(4), T]), KNOWN)
-
-
-def _result(
-    task: StereoTask, fit: robust.Fit, first: Calibration, second: Calibration, odd: list[tuple[int, int]]
-) -> tuple[StereoCalibration, Array]:
-    """The calibration, and the covariance of all parameters as in `StereoSolution`."""
-    used = [f for f, reason in enumerate(fit.reasons) if not reason]
-    pairs = [f for f in used if min(task.seen[f]) >= 0]
+def _agreeing(solution: RigSolution) -> RigSolution:
+    """`solution`, if enough pairs agree in it; else raises CalibrationError."""
+    pairs = [f for f in solution.used if solution.task.keys[f] is not None]
     if len(pairs) < FEWEST_PAIRS:
         raise CalibrationError(
             f"only {many(len(pairs), 'pair agrees', 'pairs agree')} with the others: "
             "check that pictures are paired by moment"
         )
-    cov, T = covariance(fit.arrow, np.array(used), fit.scale, fit.clustered), fit.state.rig[1]
-    rig = Rig(("left", "right"), fit.state.cameras, tuple(Pose(each) for each in fit.state.rig))
-    jacobians = [camera_jacobian(rig, c, len(cov)) for c in range(2)]
-    left, right = (
-        _one(task, fit, calibration, c, J @ cov @ J.T)
-        for c, (calibration, J) in enumerate(zip((first, second), jacobians, strict=True))
-    )
+    return solution
+
+
+def _result(
+    solution: RigSolution, first: Calibration, second: Calibration, odd: list[tuple[int, int]]
+) -> StereoCalibration:
+    task, fit, T = solution.task, solution.fit, solution.fit.state.rig[1]
+    left, right = solution.cameras((first, second), solution.rig(("left", "right")))
     left, right = (_paired(task, c, calibration) for c, calibration in enumerate((left, right)))
     rectified = _rectify(left.camera, right.camera, T)
-    lenses = len(left.camera.parameters) + len(right.camera.parameters)
-    places = slice(lenses, lenses + 6)
     advice = _odd_pairs([f"{first.views[a].name} and {second.views[b].name}" for a, b in odd])
-    return StereoCalibration(
-        left, right, T, cov[places, places], rms_of(fit), _epipolar(task, fit), *rectified, advice
-    ), cov
+    cov = solution.cov[solution.places, solution.places]
+    return StereoCalibration(left, right, T, cov, rms_of(fit), _epipolar(task, fit), *rectified, advice)
 
 
 def _odd_pairs(names: list[str]) -> tuple[str, ...]:
@@ -242,29 +229,16 @@ def _odd_pairs(names: list[str]) -> tuple[str, ...]:
     return (f"{those} with the others on where the cameras stand and {left_out}: {some}.",)
 
 
-def _one(task: StereoTask, fit: robust.Fit, before: Calibration, camera: int, cov: Array) -> Calibration:
-    """One camera's calibration after the joint solution."""
-    views = []
-    for k, view in enumerate(before.views):
-        rows = task.rows.get((camera, k))
-        if rows is None:
-            views.append(view)
-            continue
-        f = int(task.corners.frame[rows[0]])
-        T = fit.state.rig[camera] @ fit.state.poses[f]
-        views.append(solved_view(view, task.ij, rows, T, fit, fit.reasons[f]))
-    return solved_camera(before, camera, views, fit, task.shape, cov)
-
-
-def _paired(task: StereoTask, camera: int, calibration: Calibration) -> Calibration:
-    """The calibration with views in the order of the frames, so that pairs come first, in the same order for both
-    cameras."""
-    order = [pair[camera] for pair in task.seen if pair[camera] >= 0]
-    rest = [k for k in range(len(calibration.views)) if k not in set(order)]
+def _paired(task: RigTask, camera: int, calibration: Calibration) -> Calibration:
+    """The calibration with the views of pairs first, in the same order for both cameras, then the others that took
+    part."""
+    order = [task.sights[camera][key] for key in task.keys if key is not None]
+    order += [k for c, k in task.rows if c == camera and k not in order]
+    rest = [k for k in range(len(calibration.views)) if k not in order]
     return replace(calibration, views=tuple(calibration.views[k] for k in [*order, *rest]))
 
 
-def _epipolar(task: StereoTask, fit: robust.Fit) -> float:
+def _epipolar(task: RigTask, fit: robust.Fit) -> float:
     """RMS distance of corners from their epipolar planes, as an angle × focal length, px, over both cameras; NaN if no
     corner was seen by both."""
     rows = matches(task.corners, task.ij, fit.used).get((0, 1))

@@ -15,7 +15,7 @@ from rcdn.calibration.guidance.progress import FEWEST, Wish
 from rcdn.calibration.labels import Size
 from rcdn.calibration.relative_pose import FEWEST_PAIRS, determines_pose, hypotheses
 from rcdn.calibration.solver import solve
-from rcdn.calibration.stereo import StereoSolution, stereo_solution, stereo_start, stereo_task
+from rcdn.calibration.stereo import StereoSolution, pair_task, stereo_solution
 from rcdn.calibration.uncertainty import Clustered, covariance
 from rcdn.errors import CalibrationError
 from rcdn.types import Board, Calibration, Plane, StereoCalibration
@@ -119,7 +119,7 @@ def _solved(found: StereoSolution) -> PairCovariance:
     """From a joint solution. The weight of a corner is such that all pictures together have the information that the
     covariance states: residuals of one view are correlated (`added_view.share_known`)."""
     many = len(found.cov) - 6
-    ratio = float(np.trace(found.cov[:many, :many] @ np.linalg.pinv(found.arrow.covariance, hermitian=True))) / many
+    ratio = float(np.trace(found.cov[:many, :many] @ np.linalg.pinv(found.single, hermitian=True))) / many
     share = 1 / ratio if np.isfinite(ratio) and ratio > 0 else 1.0
     left, right = (weight_of(c) * float(np.sqrt(share)) for c in (found.stereo.left, found.stereo.right))
     cameras = found.state.cameras
@@ -137,8 +137,8 @@ def _guessed(wishes: Wishes, first: Calibration, second: Calibration) -> PairCov
     poses = hypotheses(first, second, pairs)
     T, _ = poses.most_agreed()
     turned = {b: int(turn) for (_, b), turn in zip(pairs, poses.nearest(T)[1], strict=True)}
-    task = stereo_task(first, second, pairs, turned)
-    state = stereo_start(task, first, second, T)
+    task = pair_task(first, second, pairs, turned)
+    state = task.start((first, second), {0: np.eye(4), 1: T})
     lenses = [
         camera_prior(w.image_size, c.camera.model, len(c.camera.distortion))
         for w, c in zip(wishes, (first, second), strict=True)
@@ -147,7 +147,7 @@ def _guessed(wishes: Wishes, first: Calibration, second: Calibration) -> PairCov
     weight = 1 / np.hypot(SCATTER, task.sigma)
     free = default_free(state, rig=True)
     done = solve(state, task.corners, weight, free)
-    frames = np.arange(len(task.seen))
+    frames = np.arange(len(task.keys))
     cov = covariance(done.arrow, frames, 1.0, Clustered(done.arrow.covariance, 1.0))
     median_weight = float(np.median(weight))
     cameras = done.state.cameras
