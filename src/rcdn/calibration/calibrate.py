@@ -50,8 +50,6 @@ SYSTEMATIC = 0.15
 """share of the sensor's cells with a significant mean residual, above which a smooth correction of the lens is tried"""
 FIXABLE = ("aspect", "principal_point")
 """what can be held fixed: the aspect ratio (fx = fy); the principal point (at the centre of the picture)"""
-ENOUGH = 6
-"""least number of pictures for which the held-out error is used to decide whether the board's shape is real"""
 HOPELESS_MODEL = 2.0
 """× the least scatter that any model leaves: a model that leaves more is not fitted any further"""
 HOPELESS = 0.2
@@ -213,9 +211,7 @@ def _choose(task: Usable, fits: dict[str, robust.Fit]) -> tuple[str, tuple[Model
 
 
 def _flat_predicts_better(task: Usable, fit: robust.Fit, fixed: frozenset[str]) -> bool:
-    """`choose.flat_predicts_better` on the used corners of `fit`; False with too few pictures."""
-    if len(np.unique(task.picture)) < ENOUGH:
-        return False
+    """`choose.flat_predicts_better` on the used corners of `fit`."""
     common = choose.Task(task.corners, fit.weight, task.picture)
     flat = with_fixed(replace(fit.state, shape=np.zeros((0, 3)), prior=None), fixed)
     return choose.flat_predicts_better(flat, fit.state, common, lambda state: default_free(state, shape=True))

@@ -20,6 +20,8 @@ LOST = 0.01
 """share of the frame without rays above which a model is excluded"""
 SIMPLER = 1.05
 """× the least held-out error: the simplest model below it is selected"""
+ENOUGH = 6
+"""least number of pictures for which the held-out error is used to decide whether the board's shape is real"""
 FLAT = 1.1
 """× the held-out error with a perfect board: if that with the board's shape is larger than this, the shape is rejected.
 A smaller excess does not count, since cross-validation estimates the shape from a fifth fewer views than there are"""
@@ -92,11 +94,13 @@ def held_out_rms(state: State, task: Task, free: Array) -> float:
 
 def flat_predicts_better(flat: State, shaped: State, task: Task, free: Callable[[State], Array]) -> bool:
     """Whether a planar, evenly spaced board predicts held-out pictures far better than the estimated shape (`FLAT`);
-    `flat`, `shaped`: the solution with each, `free` gives the unknowns (K,) of a state.
+    False with fewer pictures than ENOUGH. `flat`, `shaped`: the state with each, `free` gives the unknowns (K,) of one.
 
     Views that hardly differ (none tilted, for example) do not determine a shape: it would then fit what is particular
     to these views.
     """
+    if len(np.unique(task.picture)) < ENOUGH:
+        return False
     errors = [held_out_rms(state, task, free(state)) for state in (flat, shaped)]
     return errors[0] * FLAT < errors[1]
 

@@ -11,8 +11,7 @@ import numpy as np
 
 from rcdn.calibration import robust
 from rcdn.calibration.bundle import default_free, residuals
-from rcdn.calibration.fixed_boards import FixedBoards
-from rcdn.calibration.relative_pose import FEWEST_PAIRS, Hypotheses, hypotheses, matrix
+from rcdn.calibration.relative_pose import FEWEST_PAIRS, Hypotheses, hypotheses
 from rcdn.calibration.rig_fit import free_of
 from rcdn.calibration.rig_start import Edge, Key, Sights, Turned, averaged, components_of, tree, turned
 from rcdn.calibration.rig_task import RigTask
@@ -113,7 +112,8 @@ class JointPairs:
     def _solution(self, a: int, b: int, turns: Mapping[Key, int], T: Array) -> _Solution:
         """The joint solution in which the boards `turns` are shared, from the initial guess `T`; of both lenses apart
         if there are none."""
-        task = self._task(a, b, turns)
+        when = [[v.name for v in camera.views] for camera in self.cameras]
+        task = RigTask.of_two((a, b), self.cameras, self.sights, turns, when, (self.known[a], self.known[b]))
         start = task.start(self.cameras, {a: np.eye(4), b: T})
         free = free_of(start, task.joint) & default_free(start, rig=bool(turns))
         state, _ = robust.initial_fit(start, task.corners, task.sigma, free)
@@ -121,15 +121,6 @@ class JointPairs:
         gaps = np.nan_to_num(residuals(state, task.corners), nan=np.inf)
         square = np.minimum((gaps**2).sum(axis=1) / (noise**2 + task.sigma**2), robust.GATE**2)
         return _Solution(state.rig[1], {view: square[rows] for view, rows in task.rows.items()})
-
-    def _task(self, a: int, b: int, turns: Mapping[Key, int]) -> RigTask:
-        """The joint problem of two cameras, in which only the boards `turns` are shared."""
-        sights = [{k: s[k] for k in turns} if c in (a, b) else {} for c, s in enumerate(self.sights)]
-        boards = {key: matrix(self.cameras[a].views[sights[a][key]]) for key in turns}
-        labels = {(b, sights[b][key]): turn for key, turn in turns.items()}
-        when = [[v.name for v in camera.views] for camera in self.cameras]
-        held = [self.known[a], self.known[b]]
-        return RigTask.of([a, b], self.cameras, sights, Turned(labels, [], boards), when, held, FixedBoards())
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ import numpy as np
 from rcdn.calibration import choose, fit_checks, robust, view_checks
 from rcdn.calibration.advice import notes
 from rcdn.calibration.bundle import State, default_free
-from rcdn.calibration.calibrate import ENOUGH, pictures_of, result_of
+from rcdn.calibration.calibrate import pictures_of, result_of
 from rcdn.calibration.coded import Geometries
 from rcdn.calibration.facts import measure
 from rcdn.calibration.near_duplicates import alike
@@ -56,7 +56,7 @@ def with_known_lens(
     start, noise = robust.initial_fit(start, task.corners, task.sigma, default_free(start, lens=False))
     flat = _fitted(task, start, noise, whole.spacing)
     fit = flat
-    if task.settled >= FEWEST_SHAPED and len(np.unique(task.picture)) >= ENOUGH:
+    if task.settled >= FEWEST_SHAPED and len(np.unique(task.picture)) >= choose.ENOUGH:
         shaped = replace(flat.state, shape=np.zeros((len(FUNCTIONS), 3)), prior=None)
         curved = _fitted(task, shaped, flat.noise, whole.spacing)
         common = choose.Task(task.corners, curved.weight, task.picture)

@@ -16,7 +16,6 @@ from rcdn.calibration.calibrate import check_arguments, names_of, with_geometrie
 from rcdn.calibration.coded import Geometries, Spacing
 from rcdn.calibration.common_model import one_model
 from rcdn.calibration.fixed_boards import in_sets
-from rcdn.calibration.joint_views import rms_of
 from rcdn.calibration.known_lens import with_known_lens
 from rcdn.calibration.labels import Size
 from rcdn.calibration.lags import lags_of, late_moments
@@ -63,8 +62,8 @@ def calibrate_rig(
     Each camera is calibrated alone first; under `auto`, cameras that see at the same angles get one lens model. Pairs
     that agree on their relative pose are the edges of a graph; its best spanning tree, with rotations and then
     translations averaged over all edges, is the initial guess of one least-squares fit of lenses, camera poses and
-    boards, whose poses are eliminated; of the board's shape, too, if that predicts held-out moments better than a
-    perfect board. Views that disagree are left out and named. Covariances are estimated from the residuals of whole
+    boards, whose poses are eliminated; of the board's shape, too, unless a perfect board predicts held-out moments far
+    better. Views that disagree are left out and named. Covariances are estimated from the residuals of whole
     moments. Boards with codes may be seen from behind (`from_behind`). Raises CalibrationError if a camera cannot be
     calibrated, or no two are connected; ConfigError for a wrong argument.
     """
@@ -209,7 +208,7 @@ def _result(
         rig=rig,
         cameras=dict(zip(order, done, strict=True)),
         boards=boards,
-        rms=rms_of(fit),
+        rms=solution.rms,
         pairs=pairs_of(order, done, graph.sights, _epipolar(task, step, names)),
         components=tuple(tuple(order[c] for c in part) for part in graph.parts),
         links=links_of(order, done, graph.parts, graph.when),

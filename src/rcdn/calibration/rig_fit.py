@@ -33,15 +33,17 @@ def fitted(joint: Joint, start: State, shaped: bool, spacing: float) -> robust.F
     """The solution from the initial guess `start`, whose board is perfect; or that with a board shape common to all
     cameras, if it is to be tried (`shaped`), unless a perfect board predicts the boards of held-out moments far better.
     `spacing`: side of a square, m."""
-    free = free_of(start, joint)
-    state, noise = robust.initial_fit(start, joint.corners, joint.sigma, free)
-    flat = robust.fit(state, noise, joint.corners, joint.sigma, free, joint.cluster, power=UNBIASED)
-    if not shaped:
-        return flat
-    state = replace(flat.state, shape=np.zeros((len(FUNCTIONS), 3)), prior=None)
+    state, noise = robust.initial_fit(start, joint.corners, joint.sigma, free_of(start, joint))
+    if shaped:
+        found = _fit(joint, replace(state, shape=np.zeros((len(FUNCTIONS), 3)), prior=None), noise, spacing)
+        if not _flat_predicts_better(joint, found):
+            return found
+    return _fit(joint, state, noise, spacing)
+
+
+def _fit(joint: Joint, state: State, noise: float, spacing: float) -> robust.Fit:
     free = free_of(state, joint)
-    curved = robust.fit(state, flat.noise, joint.corners, joint.sigma, free, joint.cluster, spacing, UNBIASED)
-    return flat if _flat_predicts_better(joint, curved, flat) else curved
+    return robust.fit(state, noise, joint.corners, joint.sigma, free, joint.cluster, spacing, UNBIASED)
 
 
 def refitted(joint: Joint, before: robust.Fit, spacing: float) -> robust.Fit:
@@ -67,10 +69,11 @@ def free_of(state: State, joint: Joint) -> Array:
     return free
 
 
-def _flat_predicts_better(joint: Joint, curved: robust.Fit, flat: robust.Fit) -> bool:
+def _flat_predicts_better(joint: Joint, fit: robust.Fit) -> bool:
     """`choose.flat_predicts_better` on some of the moments."""
     moment = joint.cluster[joint.corners.frame]
     every = np.unique(moment)
     some = np.isin(moment, every[np.linspace(0, len(every) - 1, min(len(every), COMPARED)).astype(int)])
-    task = choose.Task(joint.corners.take(some), (curved.weight * flat.used)[some], moment[some])
-    return choose.flat_predicts_better(flat.state, curved.state, task, lambda state: free_of(state, joint))
+    task = choose.Task(joint.corners.take(some), fit.weight[some], moment[some])
+    flat = replace(fit.state, shape=np.zeros((0, 3)), prior=None)
+    return choose.flat_predicts_better(flat, fit.state, task, lambda state: free_of(state, joint))

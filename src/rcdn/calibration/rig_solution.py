@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rcdn.calibration import robust
 from rcdn.calibration.board_points import plane_of
-from rcdn.calibration.joint_views import camera_jacobian, solved_camera, solved_view
 from rcdn.calibration.rig_task import RigTask
 from rcdn.calibration.shape import board_shape
 from rcdn.calibration.uncertainty import covariance, with_held
 from rcdn.errors import CalibrationError
-from rcdn.types import Array, BoardShape, BoardView, Calibration, Pose, Rig
+from rcdn.types import NOT_JUDGED, Array, BoardShape, BoardView, Calibration, Pose, Rig
 
 PATHLESS = "the camera is out of step, and where the board was when it took this picture isn't known"
 ODD = "it disagrees with the other cameras on where the board is"
@@ -31,8 +30,8 @@ class RigSolution:
     fit: robust.Fit
     used: list[int]
     cov: Array
-    taken: Mapping[tuple[int, int], Array] = field(default_factory=dict)
-    lost: Collection[tuple[int, int]] = ()
+    taken: Mapping[tuple[int, int], Array]
+    lost: Collection[tuple[int, int]]
 
     @classmethod
     def of(
@@ -50,14 +49,16 @@ class RigSolution:
         return cls(task, fit, used, cov, taken or {}, lost)
 
     @property
-    def lenses(self) -> int:
-        """Number of the lenses' parameters."""
-        return sum(len(c.parameters) for c in self.fit.state.cameras)
-
-    @property
     def places(self) -> slice:
         """The places of the other cameras among the shared parameters."""
-        return slice(self.lenses, self.lenses + 6 * (len(self.fit.state.cameras) - 1))
+        *lenses, _, _ = self.fit.state.counts
+        return slice(sum(lenses), sum(lenses) + 6 * (len(lenses) - 1))
+
+    @property
+    def rms(self) -> float:
+        """Root mean squared residual of the used corners, px."""
+        seen = self.fit.used & np.isfinite(self.fit.residuals).all(axis=1)
+        return float(np.sqrt((self.fit.residuals[seen] ** 2).sum(axis=1).mean()))
 
     def rig(self, names: tuple[str, ...]) -> Rig:
         """The cameras by their names, with the covariance of their places."""
@@ -68,12 +69,28 @@ class RigSolution:
 
     def cameras(self, alone: Sequence[Calibration], rig: Rig) -> list[Calibration]:
         """The calibrations `alone`, those of the task's cameras as solved for jointly; not judged yet."""
-        done, shape = list(alone), self._shape(alone[self.task.shape])
+        done, shape, noise = list(alone), self._shape(alone[self.task.shape]), self.fit.noise
         for local, c in enumerate(self.task.cameras):
-            J = camera_jacobian(rig, local, len(self.cov))
-            views = [self._view(c, k, local, view) for k, view in enumerate(alone[c].views)]
-            done[c] = solved_camera(alone[c], local, views, self.fit, shape, J @ self.cov @ J.T)
+            J = self._jacobian(rig, local)
+            views = tuple(self._view(c, k, local, view) for k, view in enumerate(alone[c].views))
+            done[c] = replace(
+                alone[c], camera=self.fit.state.cameras[local], views=views, cov=J @ self.cov @ J.T, noise=noise,
+                shape=shape, advice=(), verdict=NOT_JUDGED,
+            )  # fmt: skip
         return done
+
+    def _jacobian(self, rig: Rig, local: int) -> Array:
+        """(P + 6, K + 6): Jacobian of the P parameters of the camera of this number, and of the boards' mean motion in
+        its axes, by those of `cov`."""
+        ends = np.cumsum([0, *self.fit.state.counts])
+        mine = np.arange(ends[local], ends[local + 1])
+        J = np.zeros((len(mine) + 6, len(self.cov)))
+        J[np.arange(len(mine)), mine] = 1
+        if local:
+            at = self.places.start + 6 * (local - 1)
+            J[len(mine) :, at : at + 6] = np.eye(6)
+        J[len(mine) :, -6:] = rig.motion_to(local)
+        return J
 
     def _shape(self, shaped: Calibration) -> BoardShape | None:
         """The shape of the board that all cameras saw."""
@@ -90,4 +107,5 @@ class RigSolution:
         T = self.taken[name] if name in self.taken else fit.state.rig[local] @ task.pose(fit.state, camera, k)
         reason = fit.reasons[int(task.corners.frame[rows[0]])]
         reason = reason or (PATHLESS if name in self.lost else "" if fit.used[rows].any() else ODD)
-        return solved_view(view, task.ij, rows, T, fit, reason)
+        ij, gaps, used = task.ij[rows], fit.residuals[rows], fit.used[rows]
+        return replace(view, ij=ij, pose=Pose(T), residuals=gaps, used=used, reason=reason)

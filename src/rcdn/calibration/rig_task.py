@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from rcdn.calibration.board_points import plane_of
+from rcdn.calibration.board_points import flat_points, has_shape, plane_of
 from rcdn.calibration.bundle import Corners3, State
 from rcdn.calibration.fixed_boards import FixedBoards
-from rcdn.calibration.joint_views import JointViews
 from rcdn.calibration.relative_pose import matrix
 from rcdn.calibration.rig_fit import Joint
 from rcdn.calibration.rig_start import Key, Turned
 from rcdn.calibration.shape import FUNCTIONS, shape_basis
+from rcdn.geometry.order import turn_labels
 from rcdn.types import Array, Calibration
 
 
@@ -59,7 +60,7 @@ class RigTask:
         firsts: list[tuple[Key | None, int, int]] = [(key, -1, -1) for key in fits.boards]
         moments = [key[0] for key in fits.boards]
         parts = {board: 1 + k for k, board in enumerate(fixed.others)}
-        views, boards = JointViews(alone[shaped]), dict[Key, int]()
+        views, boards = _Views(alone[shaped]), dict[Key, int]()
         for local, c in enumerate(main):
             for k, view in enumerate(alone[c].views):
                 if view.reason or view.pose is None or (c, k) in odd:
@@ -97,6 +98,24 @@ class RigTask:
             boards=boards,
         )
 
+    @classmethod
+    def of_two(
+        cls,
+        pair: tuple[int, int],
+        alone: Sequence[Calibration],
+        sights: Sequence[Mapping[Key, int]],
+        turns: Mapping[Key, int],
+        when: Sequence[Sequence[str]],
+        known: tuple[bool, bool],
+    ) -> RigTask:
+        """The views of two cameras, which share the boards `turns` alone; the values are quarter turns of the second
+        camera's labels."""
+        a, b = pair
+        shared = [{k: each[k] for k in turns} if c in pair else {} for c, each in enumerate(sights)]
+        boards = {key: matrix(alone[a].views[shared[a][key]]) for key in turns}
+        labels = {(b, shared[b][key]): turn for key, turn in turns.items()}
+        return cls.of([a, b], alone, shared, Turned(labels, [], boards), when, list(known), FixedBoards())
+
     def start(self, alone: Sequence[Calibration], places: Mapping[int, Array]) -> State:
         """Initial guess: boards and cameras at the poses of the graph."""
         poses = [
@@ -125,3 +144,44 @@ class RigTask:
     def joint(self) -> Joint:
         """Input of the least-squares fit."""
         return Joint(self.corners, self.sigma, self.cluster, self.known)
+
+
+class _Rows(NamedTuple):
+    """A row for each of N corners: `frame` and `camera` (N,) numbers, labels `ij` (N, 2), places on the board `flat`
+    (N, 3) m, `xy` (N, 2) and `sigma` (N,) px; `shaped` (N,): whether the board's shape applies; `part` (N,) of a set of
+    boards."""
+
+    frame: Array
+    camera: Array
+    ij: Array
+    flat: Array
+    xy: Array
+    sigma: Array
+    shaped: Array
+    part: Array
+
+
+class _Views:
+    """Views gathered one after another; `shaped`: the calibration whose board's shape may apply. `rows`: rows of the
+    corners by view."""
+
+    def __init__(self, shaped: Calibration) -> None:
+        self._shaped, self._parts, self._count = shaped, list[_Rows](), 0
+        self.rows: dict[tuple[int, int], Array] = {}
+
+    def add(
+        self, of: Calibration, name: tuple[int, int], frame: int, camera: int, turn: int = 0, part: int = 0
+    ) -> None:
+        """Add the view `name` (its camera, its number in `of`), its labels turned by `turn` quarter turns."""
+        view = of.views[name[1]]
+        ij = turn_labels(view.ij, of.size or (1, 1), turn) if turn else view.ij
+        numbers = (np.full(len(view), k) for k in (frame, camera, has_shape(self._shaped, view), part))
+        frames, cameras, shaped, parts = numbers
+        sigma = np.nan_to_num(view.sigma)
+        self._parts.append(_Rows(frames, cameras, ij, flat_points(of, view, ij), view.xy, sigma, shaped, parts))
+        self.rows[name] = np.arange(self._count, self._count + len(view))
+        self._count += len(view)
+
+    def joined(self) -> _Rows:
+        """The rows of all views."""
+        return _Rows(*map(np.concatenate, zip(*self._parts, strict=True)))

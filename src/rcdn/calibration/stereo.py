@@ -10,19 +10,16 @@ import numpy as np
 
 from rcdn.calibration import robust
 from rcdn.calibration.arguments import check_boards
-from rcdn.calibration.bundle import State
 from rcdn.calibration.calibrate import calibrate, check_arguments, names_of, with_geometries
 from rcdn.calibration.coded import Geometries, Spacing
 from rcdn.calibration.common_model import one_model
 from rcdn.calibration.epipolar import epipolar_gaps, matches
-from rcdn.calibration.fixed_boards import FixedBoards
-from rcdn.calibration.joint_views import rms_of
 from rcdn.calibration.labels import Size
 from rcdn.calibration.one_thread import one_thread
-from rcdn.calibration.relative_pose import FEWEST_PAIRS, determines_pose, matrix, place
+from rcdn.calibration.relative_pose import FEWEST_PAIRS, determines_pose, place
 from rcdn.calibration.rig_fit import fitted
 from rcdn.calibration.rig_solution import RigSolution
-from rcdn.calibration.rig_start import Key, Turned
+from rcdn.calibration.rig_start import Key
 from rcdn.calibration.rig_task import RigTask
 from rcdn.calibration.stereo_verdict import judged_stereo
 from rcdn.errors import CalibrationError, ConfigError, many
@@ -50,7 +47,8 @@ def calibrate_stereo(
     Only boards whose place on the whole board is known (settled labels) determine the relative pose; for a symmetric
     board, the turn that agrees with the other pairs is taken. `names` of the images; all else as in `calibrate`.
 
-    Starts from each camera's own calibration, then estimates lenses, board poses and relative pose jointly. Raises
+    Starts from each camera's own calibration, then estimates lenses, board poses, the board's shape and the relative
+    pose jointly, as in `calibrate_rig`. Raises
     CalibrationError if the pairs do not agree on the relative pose; it says so if mirrored images would explain it.
     """
     check_boards(left, "left")
@@ -60,12 +58,11 @@ def calibrate_stereo(
 
 @dataclass(frozen=True, eq=False)
 class StereoSolution:
-    """A stereo calibration and its joint solution: `state`, both cameras, the poses in the left one, and the relative
-    pose; `cov` (P + 6, P + 6), the covariance of the lenses and the relative pose and of the boards' mean motion in the
-    left camera, over `used` frames; `single` (P, P): that from the noise of single corners, but for a factor."""
+    """A stereo calibration; `cov` (P + 6, P + 6), the covariance of the lenses and the relative pose, P parameters, and
+    of the boards' mean motion in the left camera, over `used` frames; `single` (P, P): that of the parameters from the
+    noise of single corners, but for a factor."""
 
     stereo: StereoCalibration
-    state: State
     cov: Array
     single: Array
     used: int
@@ -81,7 +78,7 @@ def stereo_solution(
     model: str = "auto",
     size: Size | None = None,
 ) -> StereoSolution:
-    """`calibrate_stereo` with the covariance of all parameters together."""
+    """`calibrate_stereo` with the covariance of both lenses and the relative pose together."""
     pairs = _pairs(left, right, pairs)
     if pairs and all(np.array_equal(left[a].xy, right[b].xy) for a, b in pairs):
         raise ConfigError("left and right are the same boards, corner by corner; give the other camera's pictures")
@@ -98,13 +95,14 @@ def stereo_solution(
     shaped = (first, second)[task.shape]
     start = task.start((first, second), {0: np.eye(4), 1: T})
     fit = fitted(task.joint, start, shaped=shaped.shape is not None, spacing=shaped.spacing)
-    solution = _agreeing(RigSolution.of(task, fit))
+    solution = RigSolution.of(task, fit)
+    _check_pairs(solution)
     done = _result(solution, first, second, odd)
     judged = judged_stereo(replace(done, advice=(*done.advice, note)) if note else done)
     end = solution.places.stop
     mine = [*range(end), *range(len(solution.cov) - 6, len(solution.cov))]
     single = fit.arrow.covariance[:end, :end]
-    return StereoSolution(judged, fit.state, solution.cov[np.ix_(mine, mine)], single, len(solution.used))
+    return StereoSolution(judged, solution.cov[np.ix_(mine, mine)], single, len(solution.used))
 
 
 def _each(
@@ -191,20 +189,18 @@ def pair_task(
     for a, b in pairs:
         when[1][b] = when[0][a]
     sights: list[dict[Key, int]] = [{(when[c][pair[c]], 0): pair[c] for pair in pairs} for c in (0, 1)]
-    boards = {key: matrix(first.views[a]) for key, a in sights[0].items()}
-    fits = Turned({(1, b): turn for b, turn in turned.items()}, [], boards)
-    return RigTask.of([0, 1], alone, sights, fits, when, [False, False], FixedBoards())
+    turns = {key: turned[b] for key, b in sights[1].items()}
+    return RigTask.of_two((0, 1), alone, sights, turns, when, (False, False))
 
 
-def _agreeing(solution: RigSolution) -> RigSolution:
-    """`solution`, if enough pairs agree in it; else raises CalibrationError."""
+def _check_pairs(solution: RigSolution) -> None:
+    """Raise CalibrationError if too few pairs agree."""
     pairs = [f for f in solution.used if solution.task.keys[f] is not None]
     if len(pairs) < FEWEST_PAIRS:
         raise CalibrationError(
             f"only {many(len(pairs), 'pair agrees', 'pairs agree')} with the others: "
             "check that pictures are paired by moment"
         )
-    return solution
 
 
 def _result(
@@ -216,7 +212,7 @@ def _result(
     rectified = _rectify(left.camera, right.camera, T)
     advice = _odd_pairs([f"{first.views[a].name} and {second.views[b].name}" for a, b in odd])
     cov = solution.cov[solution.places, solution.places]
-    return StereoCalibration(left, right, T, cov, rms_of(fit), _epipolar(task, fit), *rectified, advice)
+    return StereoCalibration(left, right, T, cov, solution.rms, _epipolar(task, fit), *rectified, advice)
 
 
 def _odd_pairs(names: list[str]) -> tuple[str, ...]:

@@ -122,8 +122,8 @@ def _solved(found: StereoSolution) -> PairCovariance:
     ratio = float(np.trace(found.cov[:many, :many] @ np.linalg.pinv(found.single, hermitian=True))) / many
     share = 1 / ratio if np.isfinite(ratio) and ratio > 0 else 1.0
     left, right = (weight_of(c) * float(np.sqrt(share)) for c in (found.stereo.left, found.stereo.right))
-    cameras = found.state.cameras
-    return PairCovariance((cameras[0], cameras[1]), found.state.rig[1], found.cov, found.used, (left, right))
+    cameras = found.stereo.left.camera, found.stereo.right.camera
+    return PairCovariance(cameras, found.stereo.T_right_left, found.cov, found.used, (left, right))
 
 
 def _guessed(wishes: Wishes, first: Calibration, second: Calibration) -> PairCovariance | None:
