@@ -43,7 +43,7 @@ def test_the_first_commands_do_what_they_say(folder):
 
 
 def test_the_python_runs_when_it_is_pasted(folder):
-    (code,) = blocks(README, "python")
+    code, _ = blocks(README, "python")
     (folder / "camera.yaml").unlink()
     lines = run(folder, "-c", code).splitlines()
     assert lines[0].startswith(("(9, 6) ", "(6, 9) "))
@@ -97,6 +97,14 @@ def test_every_other_command_ends_well(workplace):
     assert T[:3, 3] == pytest.approx([-BASELINE * SQUARE, 0, 0], abs=1e-3)
     assert read_calibration(workplace / "monday.json").camera.model == "brown"
     assert "<html" in (workplace / "difference.html").read_text()
+
+
+def test_the_python_of_a_rig_runs_when_it_is_pasted(workplace):
+    _, code = blocks(README, "python")
+    level, place, spread = re.fullmatch(r"(\w+) \[(.*)\] \[(.*)\]\n", run(workplace, "-c", code)).groups()
+    assert level in ("good", "fair")
+    assert np.array(place.split(), float) == pytest.approx([-BASELINE * SQUARE, 0, 0], abs=1e-3)
+    assert (np.array(spread.split(), float) < 1e-3).all()
 
 
 @pytest.mark.parametrize("page", ["README.md", "docs/training.md", "docs/features.md", "docs/results.md"])
