@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import rcdn
-from rcdn.calibration import calibrate_stereo
+from rcdn.calibration import calibrate_rig, calibrate_stereo
 from rcdn.calibration.relative_pose import reversed_in_a_mirror, turn_labels
 from rcdn.errors import CalibrationError, ConfigError
 from rcdn.geometry import rotation, unproject
@@ -114,6 +114,18 @@ def test_rectified_rows_are_equal_and_q_gives_the_depth(pair):
         back = np.column_stack([a, a[:, 0] - b[:, 0], np.ones(len(a))]) @ found.Q.T
         back = back[:, :3] / back[:, 3:]
         assert back == pytest.approx(points @ found.R_left.T, rel=0.05, abs=0.02)
+
+
+def test_a_pair_is_a_rig_of_two(pair):
+    left, right, found = pair
+    both = calibrate_rig({"left": left, "right": right}, SPACING, model="pinhole")
+    T, cov = both.rig.relative("left", "right")
+    assert found.T_right_left == pytest.approx(T, abs=1e-9)
+    assert found.cov == pytest.approx(np.asarray(cov), rel=1e-6, abs=1e-15)
+    assert found.rms == pytest.approx(both.rms, rel=1e-9)
+    for name, side in (("left", found.left), ("right", found.right)):
+        assert side.camera.parameters == pytest.approx(both.cameras[name].camera.parameters, rel=1e-9)
+        assert side.cov == pytest.approx(both.cameras[name].cov, rel=1e-6, abs=1e-12)
 
 
 def test_joint_covariances_beat_those_of_each_camera(pair):

@@ -229,9 +229,9 @@ def _paired(task: RigTask, camera: int, calibration: Calibration) -> Calibration
     """The calibration with the views of pairs first, in the same order for both cameras, then the others that took
     part."""
     order = [task.sights[camera][key] for key in task.keys if key is not None]
-    order += [k for c, k in task.rows if c == camera and k not in order]
-    rest = [k for k in range(len(calibration.views)) if k not in order]
-    return replace(calibration, views=tuple(calibration.views[k] for k in [*order, *rest]))
+    order += [k for c, k in task.rows if c == camera]
+    every = dict.fromkeys([*order, *range(len(calibration.views))])
+    return replace(calibration, views=tuple(calibration.views[k] for k in every))
 
 
 def _epipolar(task: RigTask, fit: robust.Fit) -> float:

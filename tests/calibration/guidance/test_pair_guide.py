@@ -12,6 +12,7 @@ from rcdn.calibration.guidance.pair_estimate import by_camera, pair_learned
 from rcdn.calibration.guidance.progress import Wish
 from rcdn.calibration.outlines import distances, outline
 from rcdn.calibration.stereo import stereo_solution
+from rcdn.calibration.stereo_verdict import baseline_std
 from rcdn.calibration.uncertainty import projection_uncertainty
 from rcdn.errors import ConfigError, RcdnError
 from rcdn.geometry import project, rotation, unproject
@@ -116,6 +117,9 @@ def test_it_ends_when_all_three_are_known():
     assert guide.add(moments["h"], "h").done
     assert guide.progress.sentence.startswith("Enough")
     assert max(guide.progress.parts) < 0.45
+    baseline = np.linalg.norm(T_RIGHT_LEFT[:3, 3])
+    assert guide.progress.stereo.baseline == pytest.approx(baseline, abs=3 * baseline_std(guide.progress.stereo))
+    assert baseline_std(guide.progress.stereo) < 0.005 * baseline
 
 
 def test_uncertainties_of_each_camera_are_those_of_its_calibration():
