@@ -127,6 +127,11 @@ def read_charuco(
     return _best(scored, markers[0].squares.marked.shape, ends, sides)
 
 
+def may_be_read(markers: Sequence[Markers]) -> bool:
+    """Whether the bound of the evidence for any layout of the `markers` reaches the threshold."""
+    return any((m.squares.most_evidence(m.families, ACCEPT) >= ACCEPT).any() for m in markers)
+
+
 def may_be_mirrored(markers: Sequence[Markers]) -> bool:
     """Whether a layout may be certain in the mirror image of the picture: the bound of its evidence, computed from the
     picture itself, reaches half of the threshold.

@@ -6,19 +6,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from rcdn.targets.read import identified_straight
+from rcdn.targets.read import Attempt, identified_straight
 from rcdn.types import Array, Board, Target
 from rcdn.types.arrays import Shaped
 
 
 def identified_or_mirrored(
     grey: Shaped[Array, "h w"], board: Board, given: Target | None = None
-) -> tuple[Board, Target | None]:
-    """The board with its decoded target, as `identified`; if it has none, also the target that is decoded with
-    certainty in the mirror image of the picture `grey` (H, W), else None. `given`: the target given by the
+) -> tuple[Attempt, Target | None]:
+    """The attempt to decode the board's target, as `identified_straight`; if it has none, also the target that is
+    decoded with certainty in the mirror image of the picture `grey` (H, W), else None. `given`: the target given by the
     user (None: unknown)."""
-    known, markers = identified_straight(grey, board, given)
-    return known, None if known.target is not None else _mirrored_target(grey, board, given, markers)
+    attempt = identified_straight(grey, board, given)
+    known = attempt.board.target is not None
+    return attempt, None if known else _mirrored_target(grey, board, given, attempt.mirrored)
 
 
 def _mirrored_target(grey: Array, board: Board, given: Target | None, markers: bool) -> Target | None:
@@ -28,4 +29,4 @@ def _mirrored_target(grey: Array, board: Board, given: Target | None, markers: b
         last = last // 2 * 2 + 1  # a tag's first corner has an even label, counted from either side
     xy = board.xy * (-1, 1) + (grey.shape[1] - 1, 0)
     flipped = replace(board, xy=xy, ij=board.ij * (-1, 1) + (last, 0))
-    return identified_straight(np.ascontiguousarray(grey[:, ::-1]), flipped, given, markers=markers)[0].target
+    return identified_straight(np.ascontiguousarray(grey[:, ::-1]), flipped, given, markers=markers).board.target

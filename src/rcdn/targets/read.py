@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
 from rcdn.targets import quick_test
 from rcdn.targets.aprilgrid import dictionary_of, read_aprilgrid
-from rcdn.targets.charuco import ends_of, markers_of, may_be_mirrored, read_charuco
+from rcdn.targets.charuco import Markers, ends_of, markers_of, may_be_mirrored, may_be_read, read_charuco
 from rcdn.targets.families import family_of
 from rcdn.targets.paper import ended_sides
 from rcdn.targets.projected_lattice import projected_board
@@ -30,34 +30,50 @@ def identified(grey: Shaped[Array, "h w"], board: Board, given: Target | None = 
     `grey` (H, W), 0..255; `given`: the target given by the user (None: unknown); `part`: the board may extend beyond
     its corners. Wrong for at most one in a million boards whose squares contain random dots.
     """
-    return identified_straight(grey, board, given, part)[0]
+    return identified_straight(grey, board, given, part).board
+
+
+@dataclass(frozen=True, eq=False)
+class Attempt:
+    """A `board`, identified if its codes were certain. If they weren't: whether its markers may be readable in the
+    `mirrored` image instead, and whether they carry `enough` evidence for a layout, which more exact corners may make
+    certain."""
+
+    board: Board
+    mirrored: bool = False
+    enough: bool = False
 
 
 def identified_straight(
     grey: Array, board: Board, given: Target | None = None, part: bool = False, markers: bool = True
-) -> tuple[Board, bool]:
-    """`identified`, and whether markers may be readable in the mirror image instead. `markers`: try to read markers at
-    all."""
+) -> Attempt:
+    """`identified`, and what may be tried if no code is certain. `markers`: try to read markers at all."""
     if board.pattern == "aprilgrid":
-        return (_tags(grey, board, given) if given is None or isinstance(given, AprilGrid) else board), False
+        return Attempt(_tags(grey, board, given) if given is None or isinstance(given, AprilGrid) else board)
     if isinstance(given, AprilGrid) or board.pattern != "checker" or min(board.size) < 2:
-        return board, False
+        return Attempt(board)
     grid, found = grid_with_ring(board)
-    reading, mirrored = None, False
+    reading: Reading | None = None
+    seen: list[Markers] = []
     if markers and not isinstance(given, PuzzleBoard):
-        reading, mirrored = _markers(grey, grid, found, given, part)
+        reading, seen = _markers(grey, grid, found, given, part)
     if reading is None and not isinstance(given, Charuco):
         reading = read_puzzle(grey, grid, found)
-    return (board, mirrored) if reading is None else (_placed(board, reading), False)
+    if reading is not None:
+        return Attempt(_placed(board, reading))
+    if given is not None:
+        return Attempt(board, mirrored=bool(seen), enough=bool(seen))
+    return Attempt(board, mirrored=not part and may_be_mirrored(seen), enough=may_be_read(seen))
 
 
-def _markers(grey: Array, grid: Array, found: Array, given: Charuco | None, part: bool) -> tuple[Reading | None, bool]:
-    """The reading of the markers in the squares of a `grid_with_ring`, or None; and whether the mirror image may have
-    one."""
+def _markers(
+    grey: Array, grid: Array, found: Array, given: Charuco | None, part: bool
+) -> tuple[Reading | None, list[Markers]]:
+    """The reading of the markers in the squares of a `grid_with_ring`, or None; and the markers."""
     inner = whole_squares(found)
     marked = quick_test.marked_squares(rectified(grey, grid, quick_test.SAMPLES), inner)
     if marked is None:
-        return None, False
+        return None, []
     seen = projected_board(grid, found, (grey.shape[1], grey.shape[0]))
     wide = rectified(grey, wider(grid), SAMPLES) if seen is None else seen.rectified(grey, SAMPLES)
     squares = wide[1:-1, 1:-1]
@@ -65,7 +81,7 @@ def _markers(grey: Array, grid: Array, found: Array, given: Charuco | None, part
     markers = markers_of(lifted, marked, inner, aspect_of(grid), given)
     ended = partial(ended_sides, wide, marked) if given is None else None
     reading = read_charuco(markers, given, None if part else ends_of(lifted, inner), ended)
-    return reading, reading is None and not part and (given is not None or may_be_mirrored(markers))
+    return reading, markers
 
 
 def check_target(target: Target) -> None:
