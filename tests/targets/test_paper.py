@@ -46,6 +46,22 @@ def test_whole_boards_that_begin_with_any_marker(detector, columns, rows, dictio
     assert target.inverted == more.get("inverted", False)
 
 
+@pytest.mark.parametrize("turn", [0.8, 1.2, 2.4])
+@pytest.mark.parametrize("ratio", [0.8, 0.84])
+def test_paper_beside_large_markers_at_60_degrees_is_seen_once_corners_are_exact(detector, ratio, turn):
+    """Before the last fit most of these corners are half a pixel off, more than the end of a side may be."""
+    drawing = charuco(9, 6, "DICT_APRILTAG_36h11", ratio, first=11)
+    image, xy = seen(drawing, tilt=1.05, turn=turn, size=0.85)
+    right, wrong, shown = numbered(detector, image, drawing, xy)
+    assert (right, wrong) == (shown, 0)
+    (board,) = detector.boards(image)
+    assert np.linalg.norm(board.xy - xy[np.argsort(drawing.ids)][board.ids], axis=1).max() < 0.15
+    assert np.isfinite(board.sigma).all()
+    found = detector.corners(image)
+    assert len(found) >= shown
+    assert np.isin(board.xy[:, 0], found.xy[:, 0]).all()
+
+
 @pytest.mark.parametrize("side", range(4))
 @pytest.mark.parametrize(
     ("columns", "rows", "dictionary", "more"),

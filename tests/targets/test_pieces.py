@@ -72,6 +72,16 @@ def test_missing_corners_are_found_where_they_are_printed(read):
         assert np.linalg.norm(place[number] - at) < 1.5
 
 
+@pytest.mark.parametrize("first", [0, 1])
+def test_rows_of_an_unknown_number_are_found_as_far_as_corners_are_seen(read, first):
+    image, board, true = read
+    some = part(board, np.flatnonzero((board.ij[:, 1] >= first) & (board.ij[:, 1] <= 2)))
+    whole = completed(image.astype(np.float32), replace(some, target=replace(board.target, rows=None)))
+    np.testing.assert_array_equal(whole.ids, np.arange(35))
+    assert np.linalg.norm(whole.xy - [true[k] for k in range(35)], axis=1).max() < 0.5
+    assert whole.target.rows is None
+
+
 def test_a_corner_that_a_cover_moved_is_dropped_or_found_again(read):
     image, board, place = read
     for k in (0, 9, 17, 34):

@@ -47,7 +47,7 @@ def completed(grey: Shaped[Array, "h w"], board: Board) -> Board:
     grey = np.ascontiguousarray(grey)
     grid = Grid({(u, v): k for k, (u, v) in enumerate(board.ij.tolist())}, board.xy)
     _drop_astray(grid)
-    if len(grid) == len(board) and not len(_missing(board, board.ij)[1]):
+    if len(grid) == len(board) and _is_whole(board):
         return board
     _drop_misfits(grid)
     if len(grid) < LEAST_CORNERS:
@@ -68,27 +68,23 @@ def completed(grey: Shaped[Array, "h w"], board: Board) -> Board:
 
 
 def _printed(board: Board, spots: Real[Array, "k 2"]) -> Bool[Array, " k"]:
-    """(K,) bool: whether the labels `spots` (K, 2) lie within the print; where its extent isn't known, within the
-    labels seen."""
+    """(K,) bool: whether the labels `spots` (K, 2) lie within the print; of a PuzzleBoard, whose extent isn't known,
+    within the labels seen. A ChArUco board of unknown rows has as many as show corners."""
     low, high = board.ij.min(axis=0), board.ij.max(axis=0)
     if isinstance(board.target, Charuco):
         low = np.zeros(2, int)
-        high = np.array([board.target.columns - 2, board.target.rows - 2 if board.target.rows else high[1]])
+        high = np.array([board.target.columns - 2, board.target.rows - 2 if board.target.rows else np.inf])
     return np.asarray(((spots >= low) & (spots <= high)).all(axis=1))
 
 
-def _missing(board: Board, known: Array) -> tuple[Array, Array]:
-    """All labels (N, 2) of a board's bounding grid, or of its print; and those that are not `known`."""
-    low, high = np.minimum(known.min(axis=0), 0), known.max(axis=0)
+def _is_whole(board: Board) -> bool:
+    """Whether a board has all corners of its print; of a PuzzleBoard, of its bounding grid."""
+    columns, rows = board.ij.max(axis=0) - board.ij.min(axis=0) + 1
     if isinstance(board.target, Charuco):
-        high = np.maximum(high, [board.target.columns - 2, (board.target.rows or 0) - 2])
-    else:
-        low = known.min(axis=0)
-    places = np.stack(np.meshgrid(*(np.arange(a, b + 1) for a, b in zip(low, high, strict=True))), axis=-1).reshape(
-        -1, 2
-    )
-    have = set(map(tuple, known.tolist()))
-    return places, np.array([p for p in map(tuple, places.tolist()) if p not in have])
+        if board.target.rows is None:
+            return False
+        columns, rows = board.target.columns - 1, board.target.rows - 1
+    return len(board) >= columns * rows
 
 
 def _drop_misfits(grid: Grid) -> None:
