@@ -6,7 +6,9 @@ import os
 import subprocess
 import sys
 import time
+from contextlib import ExitStack
 
+from tests.sanitized.battery import PARTS
 from tests.sanitized.build import BUILD, COMPILER, ROOT, library, runtime
 
 
@@ -26,21 +28,26 @@ def main() -> int:
         "PYTHONPATH": os.pathsep.join([str(ROOT / "src"), str(ROOT)]),
         "PYTHONMALLOC": "malloc",
     }
-    output = BUILD / "said.txt"
-    with output.open("wb") as file:
-        code = subprocess.run(
-            [sys.executable, "-m", "tests.sanitized.battery", str(built)], env=environment, cwd=ROOT, stderr=file
-        ).returncode
-    text = output.read_text(errors="replace")
+    outputs = [BUILD / f"said-{part}.txt" for part in PARTS]
+    with ExitStack() as stack:
+        running = [
+            subprocess.Popen(
+                [sys.executable, "-m", "tests.sanitized.battery", str(built), part],
+                env=environment, cwd=ROOT, stderr=stack.enter_context(output.open("wb")),
+            )
+            for part, output in zip(PARTS, outputs, strict=True)
+        ]  # fmt: skip
+        codes = [process.wait() for process in running]
+    text = "".join(output.read_text(errors="replace") for output in outputs)
     found = {line for line in text.splitlines() if "runtime error: " in line or "ERROR: AddressSanitizer" in line}
     places = {line.split(" runtime error")[0] for line in found}
-    if found or code:
+    if found or any(codes):
         print(text[-20_000:])
     print(
         f"{len(places)} findings in {time.monotonic() - began:.0f} s"
-        + (f"; the battery ended with {code}" if code else "")
+        + (f"; the parts ended with {codes}" if any(codes) else "")
     )
-    return int(bool(found) or code != 0)
+    return int(bool(found) or any(codes))
 
 
 if __name__ == "__main__":

@@ -67,3 +67,7 @@ def _compiled(source: Path, headers: bytes) -> Path:
         )
         new.replace(out)
     return out
+
+
+if __name__ == "__main__" and runtime() is not None:
+    library()

@@ -22,6 +22,7 @@ from lightning_fabric import Fabric
 from rcdn.corners.onnx_file import read_graph
 from rcdn.errors import ConfigError, OutputError, RcdnError
 from rcdn.training import alone, loop, quantise, steps, validate
+from rcdn.training import export as exporting
 from rcdn.training.config import TrainConfig, read_config
 from rcdn.training.export import export
 from rcdn.training.loop import train
@@ -207,6 +208,7 @@ def test_a_run_begins_from_the_weights_of_another(tmp_path):
 def test_a_run_begins_from_an_exported_network(config, tmp_path, monkeypatch):
     """With a rate of nearly nothing it computes what the exported one computes."""
     monkeypatch.setattr(quantise, "BOUNDS", {})  # six steps of training don't make a network that 8 bits suit
+    monkeypatch.setattr(exporting, "PICTURES", 8)  # for the ranges of these 8 bits
     first = run(config, tmp_path)
     export(first, tmp_path / "old.onnx")
     follower = dataclasses.replace(config, name="b", start=str(tmp_path / "old.onnx"), rate=1e-12, decay=0.0, seed=9)
