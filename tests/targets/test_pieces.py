@@ -82,6 +82,21 @@ def test_rows_of_an_unknown_number_are_found_as_far_as_corners_are_seen(read, fi
     assert whole.target.rows is None
 
 
+@pytest.mark.parametrize("shown", [1, 2, 7])
+def test_a_row_that_was_not_read_needs_half_of_its_corners(read, shown):
+    """The board ends with the fourth row if only a corner or two are seen in the fifth."""
+    image, board, true = read
+    hidden = image.copy()
+    for k in range(28 + shown, 35):
+        x, y = np.rint(true[k]).astype(int)
+        hidden[y - 12 : y + 13, x - 12 : x + 13] = 128
+    some = part(board, np.flatnonzero(board.ij[:, 1] <= 2))
+    whole = completed(hidden.astype(np.float32), replace(some, target=replace(board.target, rows=None)))
+    assert whole.ids.max() == (27 if shown < 4 else 34)
+    told = completed(hidden.astype(np.float32), some)  # of a board of known size every corner counts
+    assert told.ids.max() == 27 + shown
+
+
 def test_a_corner_that_a_cover_moved_is_dropped_or_found_again(read):
     image, board, place = read
     for k in (0, 9, 17, 34):

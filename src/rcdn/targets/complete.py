@@ -32,6 +32,8 @@ ASTRAY, TIMES = 0.05, 6.0
 whichever is more"""
 SURFACE = 16
 """least number of corners for the fit of such a surface"""
+ROW_CORNERS, ROW_SHARE = 3, 0.5
+"""least number and share of a row's corners with which a board of unknown rows has a row below those that were read"""
 CUBIC = 40
 """least number of corners for a surface of degree 3; otherwise its degree is 2"""
 
@@ -64,6 +66,7 @@ def completed(grey: Shaped[Array, "h w"], board: Board) -> Board:
         if not add_visible(grey, grid, spots[some], guess.take(some), sign, typical, OFF):
             break
     _drop_astray(grid)
+    _drop_unlikely_rows(board, grid)
     return with_corners(board, grid)
 
 
@@ -75,6 +78,18 @@ def _printed(board: Board, spots: Real[Array, "k 2"]) -> Bool[Array, " k"]:
         low = np.zeros(2, int)
         high = np.array([board.target.columns - 2, board.target.rows - 2 if board.target.rows else np.inf])
     return np.asarray(((spots >= low) & (spots <= high)).all(axis=1))
+
+
+def _drop_unlikely_rows(board: Board, grid: Grid) -> None:
+    """Drop the corners, in place, of rows below those that were read, from the first row on that shows less than
+    `ROW_SHARE` of its corners or fewer than `ROW_CORNERS`: where a board ends, an edge may cross another by chance."""
+    if not isinstance(board.target, Charuco) or board.target.rows is not None:
+        return
+    per_row = board.target.columns - 1
+    row = int(board.ij[:, 1].max()) + 1
+    while sum(v == row for _, v in grid.at) >= max(ROW_CORNERS, ROW_SHARE * per_row):
+        row += 1
+    grid.at = {spot: corner for spot, corner in grid.at.items() if spot[1] < row}
 
 
 def _is_whole(board: Board) -> bool:
