@@ -10,6 +10,7 @@ import numpy as np
 from rcdn.boards import BOARDS, largest
 from rcdn.boards.of_views import distinct_boards, distinct_corners
 from rcdn.config import DetectorConfig
+from rcdn.corners.adaptive import nearest_pitch
 from rcdn.corners.faint import stretched
 from rcdn.corners.response import load_model
 from rcdn.errors import ConfigError, shown
@@ -28,6 +29,8 @@ from rcdn.views import ViewResult, Views
 FITTED, PER_BOARD = (800, 4000), 100
 """largest number of corners of boards for the last fit: a minimum, and a number per megapixel (photographs have at most
 2,000 a megapixel); and the overhead of each board, counted in corners"""
+MOVED = 0.02
+"""largest move of a corner in the last fit, squares, that can't decide which target a board is"""
 NO_CIRCLES = "not supported: a circle grid (the gaps between its circles are no {} × {} corners)"
 MIRRORED = READ_IN_A_MIRROR + "{} has no numbers, since its codes are seen in a mirror; flip the picture"
 
@@ -107,7 +110,7 @@ class Detector:
         results = Views(grey, self._model, self.config, warnings).results()
         boards = distinct_boards([result.boards for result in results])
         boards = largest(boards, allowed(grey.size, *BOARDS), "boards", warnings)
-        boards, undecided = self._identified(grey, boards, results, warnings)
+        boards = self._identified(grey, boards, results, warnings)
         inside = [result.corners.take(_members(result.corners, boards)) for result in results]
         seen = joint([corners.xy for corners in inside], (0, 2))
         inside += [_predicted(board, seen) for board in boards if board.target is not None]
@@ -115,32 +118,27 @@ class Detector:
         corners = distinct_corners([distinct_corners(inside, reach=0), *whole])
         corners = corners.take(_members(corners, boards) | _in_frame(corners.xy, grey.shape))
         if self.config.sharpen is not None and self.config.pattern == "checker":
-            geometry = self.config.sharpen.geometry
-            rows = [k for k, board in enumerate(boards) if any(board is one for one in undecided)]
-            exact = _sharpened(grey, boards, geometry, warnings)
-            corners, boards = _moved(corners, boards, exact), exact
-            known = self._identified_again(grey, boards, rows)
-            corners, boards = _with_more(grey, corners, boards, known, geometry, warnings)
+            sharp = _sharpened(grey, boards, self.config.sharpen.geometry, warnings)
+            corners, boards = _moved(corners, boards, sharp), sharp
         return Detection(corners, boards, warnings.texts)
 
     def _identified(
         self, grey: Array, boards: list[Board], results: list[ViewResult], warnings: Warnings
-    ) -> tuple[list[Board], list[Board]]:
+    ) -> list[Board]:
         """The boards identified by their codes, and the boards that codes make of pieces, unless all boards are
-        certainly plain; and those of them whose markers carry enough evidence, but didn't decide.
+        certainly plain.
 
         Lattices of tags are kept only if their codes were read, since nothing else distinguishes them from other
         patterns. `warnings` note codes that can be read only in the mirror image, and circle grids, which are no
         boards.
         """
         if self.config.pattern == "deltille":
-            return boards, []
-        out, undecided, plain = [], [], bool(boards)
+            return boards
+        out, plain = [], bool(boards)
         for board in boards:
             samples = sample_corners(grey, board) if board.pattern == "checker" else None
             coded = self.config.target != "plain" and (samples is None or samples.may_carry_codes)
-            known, enough = self._read(grey, board, warnings) if coded else (board, False)
-            undecided += [known] * enough
+            known = self._read(grey, board, warnings) if coded else board
             plain &= not coded
             if known.target is None and self._is_circle_grid(samples):
                 warnings.add("circles", NO_CIRCLES.format(*board.size))
@@ -154,40 +152,34 @@ class Detector:
                 out = read_pieces(grey, out, pieces, self._given)
         out = [board for board in out if board.pattern != "aprilgrid" or board.target is not None]
         # parts of one board that its codes have completed are that board, each
-        out = distinct_boards([out]) if sum(board.target is not None for board in out) > 1 else out
-        return out, undecided
+        return distinct_boards([out]) if sum(board.target is not None for board in out) > 1 else out
 
     def _is_circle_grid(self, samples: CornerSamples | None) -> bool:
         literal = self.config.recovery == "growth"  # the paper's method does not distinguish kinds of targets
         return samples is not None and not literal and is_circle_grid(samples)
 
-    def _read(self, grey: Array, board: Board, warnings: Warnings) -> tuple[Board, bool]:
-        """The board with the target and labels that its codes give, if they are unambiguous; and whether its markers
-        carry enough evidence, but didn't decide."""
+    def _read(self, grey: Array, board: Board, warnings: Warnings) -> Board:
+        """The board with the target and labels that its codes give, if they are unambiguous."""
         from rcdn.targets.mirror import identified_or_mirrored  # here: few boards carry codes
 
         attempt, mirrored = identified_or_mirrored(grey, board, self._given)
         if mirrored is not None:
             warnings.add("mirrored", MIRRORED.format(mirrored))
-        return attempt.board, attempt.enough and mirrored is None
+        elif attempt.board.target is None and attempt.enough(self._given):
+            return self._read_exact(grey, board)
+        return attempt.board
 
-    def _identified_again(self, grey: Array, boards: list[Board], undecided: list[int]) -> list[Board]:
-        """The `boards` with what their codes say, given the exact positions of the last fit: which targets the
-        `undecided` boards (rows of `boards`) are, and where corners are that were missing.
+    def _read_exact(self, grey: Array, board: Board) -> Board:
+        """A board whose markers carry enough evidence, but don't decide, with what its codes say at the exact positions
+        of the last fit: before it, corners close to large markers are off by up to a tenth of a square."""
+        from rcdn.targets import identified
 
-        Before the fit, corners close to large markers are off by up to a tenth of a square.
-        """
-        known = list(boards)
-        if undecided or any(board.target is not None for board in boards):
-            from rcdn.targets import identified
-            from rcdn.targets.complete import completed
-
-            for k in undecided:
-                known[k] = identified(grey, boards[k], self._given)
-            for k, board in enumerate(known):
-                if board.target is not None and len(more := completed(grey, board)) > len(board):
-                    known[k] = more
-        return known
+        if self.config.sharpen is None:
+            return board
+        exact = replace(sharpen(grey, board, self.config.sharpen.geometry), sigma=None)
+        moved = np.linalg.norm(exact.xy - board.xy, axis=1) > MOVED * nearest_pitch(board.xy)
+        known = identified(grey, exact, self._given) if moved.any() else board
+        return known if known.target is not None else board
 
     @property
     def _given(self) -> Target | None:
@@ -209,22 +201,6 @@ def _sharpened(grey: Array, boards: list[Board], geometry: bool, warnings: Warni
     if passed:
         warnings.add("fit", f"{passed:,} corners of boards have no sigma: they are too many for the last fit")
     return out
-
-
-def _with_more(
-    grey: Array, corners: Corners, boards: list[Board], known: list[Board], geometry: bool, warnings: Warnings
-) -> tuple[Corners, list[Board]]:
-    """The `corners` and `boards` with those of the `known` boards, of which some were identified or completed after the
-    last fit: these are fitted once more, now that what is printed around their corners is known."""
-    new = [k for k, board in enumerate(boards) if known[k] is not board]
-    if not new:
-        return corners, boards
-    inside = [corners.take(_members(corners, known)), *(_predicted(known[k], corners.xy) for k in new)]
-    corners = distinct_corners([distinct_corners(inside, reach=0), corners])
-    exact = list(known)
-    for k, board in zip(new, _sharpened(grey, [known[k] for k in new], geometry, warnings), strict=True):
-        exact[k] = board
-    return _moved(corners, known, exact), exact
 
 
 def _surroundings(grey: Array, board: Board) -> Surroundings | None:

@@ -10,6 +10,7 @@ from coded_scene import SQUARE, charuco, numbered, seen
 from rcdn.config import DetectorConfig
 from rcdn.detector import Detector
 from rcdn.geometry import apply_homography
+from rcdn.geometry.near import nearest
 from rcdn.targets.paper import ended_sides
 from rcdn.targets.rectify import wider
 
@@ -46,8 +47,7 @@ def test_whole_boards_that_begin_with_any_marker(detector, columns, rows, dictio
     assert target.inverted == more.get("inverted", False)
 
 
-@pytest.mark.parametrize("turn", [0.8, 1.2, 2.4])
-@pytest.mark.parametrize("ratio", [0.8, 0.84])
+@pytest.mark.parametrize(("ratio", "turn"), [(0.8, 0.4), (0.8, 0.8), (0.8, 2.4), (0.84, 0.8), (0.84, 1.2), (0.84, 2.4)])
 def test_paper_beside_large_markers_at_60_degrees_is_seen_once_corners_are_exact(detector, ratio, turn):
     """Before the last fit most of these corners are half a pixel off, more than the end of a side may be."""
     drawing = charuco(9, 6, "DICT_APRILTAG_36h11", ratio, first=11)
@@ -58,7 +58,7 @@ def test_paper_beside_large_markers_at_60_degrees_is_seen_once_corners_are_exact
     assert np.linalg.norm(board.xy - xy[np.argsort(drawing.ids)][board.ids], axis=1).max() < 0.15
     assert np.isfinite(board.sigma).all()
     found = detector.corners(image)
-    assert len(found) >= shown
+    assert nearest(found.xy, found.xy, 2)[0][:, 1].min() > 3
     assert np.isin(board.xy[:, 0], found.xy[:, 0]).all()
 
 

@@ -13,6 +13,7 @@ from rcdn.detector import Detector
 from rcdn.synthetic import Background, BoardSpec, Scene, render
 from rcdn.targets.complete import completed
 from rcdn.targets.pieces import common, joined
+from rcdn.targets.surroundings import surroundings
 from rcdn.types import Charuco, PuzzleBoard
 
 
@@ -95,6 +96,20 @@ def test_a_row_that_was_not_read_needs_half_of_its_corners(read, shown):
     assert whole.ids.max() == (27 if shown < 4 else 34)
     told = completed(hidden.astype(np.float32), some)  # of a board of known size every corner counts
     assert told.ids.max() == 27 + shown
+
+
+def test_rows_that_were_not_read_bring_the_dictionary_that_has_their_markers(detector):
+    """The first rows need 36 markers, all of them 60: the print is known around each corner."""
+    drawing = charuco(12, 10, "DICT_4X4_100")
+    image, _ = seen(drawing, turn=0.3, size=0.95)
+    (board,) = detector.boards(image)
+    assert board.target.dictionary == "DICT_4X4_100"
+    some = part(board, np.flatnonzero(board.ij[:, 1] <= 4))
+    read = replace(some, target=replace(board.target, rows=None, dictionary="DICT_4X4_50"))
+    whole = completed(image.astype(np.float32), read)
+    assert len(whole) == len(board)
+    assert whole.target.dictionary == "DICT_4X4_100"
+    assert surroundings(image.astype(np.float32), whole) is not None
 
 
 def test_a_corner_that_a_cover_moved_is_dropped_or_found_again(read):

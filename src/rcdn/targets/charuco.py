@@ -24,7 +24,7 @@ from rcdn.types.arrays import Bool, Real
 
 ACCEPT = 49.0
 """bits of evidence with which a layout is accepted: a false-positive probability of 10⁻⁶ (20 bits) over fewer than 2²⁹
-layouts (4 orientations, 10 families, 2 parities, 62 widths, 2,000 positions, 4 rims; 8 pieces of boards)"""
+layouts (4 orientations, 10 families, 2 parities, 62 widths, 2,000 positions, 4 rims; 9 looks at boards and pieces)"""
 SURE = 23.0
 """bits of evidence with which a single layout is accepted: 10⁻⁶, for 8 pieces"""
 CERTAIN = 5.0

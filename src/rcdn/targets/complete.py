@@ -16,6 +16,8 @@ from rcdn.boards.fill import with_sense
 from rcdn.boards.local import Grid, Predictions
 from rcdn.boards.validate import predicted_excess
 from rcdn.geometry import apply_homography, homography
+from rcdn.targets.families import family_of
+from rcdn.targets.layout import QUADRANTS, markers_in, most_rows
 from rcdn.types import Array, Board, Charuco, Status
 from rcdn.types.arrays import Bool, Real, Shaped
 
@@ -34,7 +36,7 @@ SURFACE = 16
 """least number of corners for the fit of such a surface"""
 CUBIC = 40
 """least number of corners for a surface of degree 3; otherwise its degree is 2"""
-ROW_CORNERS, ROW_SHARE = 3, 0.5
+ROW_CORNERS, ROW_SHARE = 4, 0.5
 """least number and share of a row's corners with which a board of unknown rows has a row below those that were read
 (with one corner, one of 1,020 photographs and frames had a corner beyond its board)"""
 
@@ -68,7 +70,7 @@ def completed(grey: Shaped[Array, "h w"], board: Board) -> Board:
             break
     _drop_astray(grid)
     _drop_unlikely_rows(board, grid)
-    return with_corners(board, grid)
+    return with_corners(_with_all_markers(board, grid.labels), grid)
 
 
 def _printed(board: Board, spots: Real[Array, "k 2"]) -> Bool[Array, " k"]:
@@ -77,7 +79,8 @@ def _printed(board: Board, spots: Real[Array, "k 2"]) -> Bool[Array, " k"]:
     low, high = board.ij.min(axis=0), board.ij.max(axis=0)
     if isinstance(board.target, Charuco):
         low = np.zeros(2, int)
-        high = np.array([board.target.columns - 2, board.target.rows - 2 if board.target.rows else np.inf])
+        rows = board.target.rows or most_rows(board.target, len(family_of(board.target.dictionary)))
+        high = np.array([board.target.columns - 2, rows - 2])
     return np.asarray(((spots >= low) & (spots <= high)).all(axis=1))
 
 
@@ -91,6 +94,19 @@ def _drop_unlikely_rows(board: Board, grid: Grid) -> None:
     while sum(v == row for _, v in grid.at) >= max(ROW_CORNERS, ROW_SHARE * per_row):
         row += 1
     grid.at = {spot: corner for spot, corner in grid.at.items() if spot[1] < row}
+
+
+def _with_all_markers(board: Board, ij: Array) -> Board:
+    """The board with a dictionary that has all markers around corners with the labels `ij` (N, 2)."""
+    target = board.target
+    if not isinstance(target, Charuco):
+        return board
+    marker, marked = markers_in(target, ij[:, None] + QUADRANTS)
+    family = family_of(target.dictionary)
+    needed = family.smallest(min(int(marker[marked].max()), len(family) - 1))
+    if family.names.index(needed) <= family.names.index(target.dictionary):
+        return board
+    return replace(board, target=replace(target, dictionary=needed))
 
 
 def _is_whole(board: Board) -> bool:

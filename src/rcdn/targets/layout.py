@@ -7,6 +7,9 @@ import numpy as np
 
 from rcdn.types import Array, Charuco
 
+QUADRANTS = np.array([(0, 0), (1, 0), (0, 1), (1, 1)])
+"""squares around a corner, as offsets from its upper left one"""
+
 
 def odd_markers(board: Charuco) -> bool:
     """Whether the markers lie in the squares whose column + row is odd; otherwise where it is even."""
@@ -19,6 +22,11 @@ def markers_in(board: Charuco, square: Array) -> tuple[Array, Array]:
     odd = odd_markers(board)
     index = index_of(square[..., 0], square[..., 1], np.array(board.columns), np.array(odd))
     return board.first_id + index, np.asarray(square.sum(axis=-1) % 2 == odd)
+
+
+def most_rows(board: Charuco, markers: int) -> int:
+    """The largest number of rows of squares for which there are enough `markers` in the dictionary's family."""
+    return int(place_of(np.array(markers - board.first_id), np.array(board.columns), np.array(odd_markers(board)))[1])
 
 
 def place_of(index: Array, columns: Array, odd: Array) -> tuple[Array, Array]:

@@ -19,7 +19,7 @@ def identified_or_mirrored(
     user (None: unknown)."""
     attempt = identified_straight(grey, board, given)
     known = attempt.board.target is not None
-    return attempt, None if known else _mirrored_target(grey, board, given, attempt.mirrored)
+    return attempt, None if known else _mirrored_target(grey, board, given, attempt.mirrored(given))
 
 
 def _mirrored_target(grey: Array, board: Board, given: Target | None, markers: bool) -> Target | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -35,13 +36,19 @@ def identified(grey: Shaped[Array, "h w"], board: Board, given: Target | None = 
 
 @dataclass(frozen=True, eq=False)
 class Attempt:
-    """A `board`, identified if its codes were certain. If they weren't: whether its markers may be readable in the
-    `mirrored` image instead, and whether they carry `enough` evidence for a layout, which more exact corners may make
-    certain."""
+    """A `board`, identified if its codes were certain; if they weren't, the `markers` seen."""
 
     board: Board
-    mirrored: bool = False
-    enough: bool = False
+    markers: Sequence[Markers] = ()
+
+    def mirrored(self, given: Target | None) -> bool:
+        """Whether the markers may be readable in the mirror image; `given`: the target given by the user."""
+        return may_be_mirrored(self.markers) if given is None else bool(self.markers)
+
+    def enough(self, given: Target | None) -> bool:
+        """Whether the markers carry enough evidence for a layout, so that exact corners may make one certain; of a
+        `given` target, whether there are any."""
+        return may_be_read(self.markers) if given is None else bool(self.markers)
 
 
 def identified_straight(
@@ -61,9 +68,7 @@ def identified_straight(
         reading = read_puzzle(grey, grid, found)
     if reading is not None:
         return Attempt(_placed(board, reading))
-    if given is not None:
-        return Attempt(board, mirrored=bool(seen), enough=bool(seen))
-    return Attempt(board, mirrored=not part and may_be_mirrored(seen), enough=may_be_read(seen))
+    return Attempt(board, seen)
 
 
 def _markers(

@@ -8,14 +8,12 @@ import numpy as np
 
 from rcdn.precision.surroundings import PARTS, SIDES, Shape, Surroundings, drawn, shape, without_shapes
 from rcdn.targets.dictionaries import marker_bits, tag_bits
-from rcdn.targets.layout import markers_in
+from rcdn.targets.layout import QUADRANTS, markers_in
 from rcdn.targets.placement import Placement, placement
 from rcdn.targets.puzzle import CODE_1, CODE_2
 from rcdn.types import AprilGrid, Array, Board, Charuco, PuzzleBoard
 from rcdn.types.arrays import Shaped
 
-QUADRANTS = np.array([(0, 0), (1, 0), (0, 1), (1, 1)])
-"""squares around a corner, as offsets from its upper left one"""
 RADIUS = 1 / 6
 """radius of a PuzzleBoard's circles, squares"""
 STRIPS = 5
