@@ -82,15 +82,15 @@ def fuzz(name: str, inputs: int) -> None:
 def main() -> None:
     """Run one of the PARTS, with the library that is named: argv is its path and the part."""
     use(Path(sys.argv[1]))
-    from tests.fuzz import kernels
-
-    kernels.record()
     began = time.monotonic()
 
     def report(what: str) -> None:
         print(f"{time.monotonic() - began:6.1f} s: {what}", flush=True)
 
     if sys.argv[2] == "detections":
+        from tests.fuzz import kernels
+
+        kernels.record()
         report(f"{detect_all()} pictures")
     for name, inputs in PARTS[sys.argv[2]]:
         fuzz(name, inputs)

@@ -74,6 +74,11 @@ class Markers:
     appearance: Appearance
     families: tuple[Family, ...]
 
+    @cached_property
+    def bounds(self) -> Real[Array, "f 4"]:
+        """Upper bounds (families, 4), bits, of the evidence for any layout, for each number of quarter turns."""
+        return np.asarray(self.squares.most_evidence(self.families, ACCEPT - MARGIN))
+
 
 def markers_of(
     squares: Real[Array, "r c s s"],
@@ -118,8 +123,8 @@ def read_charuco(
     sides.
     """
     if given is not None:
-        return _place([s for m in markers for s in _promising(m, -np.inf)], given)
-    scored = [s for m in markers for s in _promising(m, ACCEPT - MARGIN) if s.hope > ACCEPT]
+        return _place([s for m in markers for s in _promising(m, np.ones((len(m.families), 4), bool))], given)
+    scored = [s for m in markers for s in _promising(m, m.bounds >= ACCEPT - MARGIN) if s.hope > ACCEPT]
     if not scored:
         return None
     scored.sort(key=lambda s: -s.hope)
@@ -129,7 +134,7 @@ def read_charuco(
 
 def may_be_read(markers: Sequence[Markers]) -> bool:
     """Whether the bound of the evidence for any layout of the `markers` reaches the threshold."""
-    return any((m.squares.most_evidence(m.families, ACCEPT) >= ACCEPT).any() for m in markers)
+    return any((m.bounds >= ACCEPT).any() for m in markers)
 
 
 def may_be_mirrored(markers: Sequence[Markers]) -> bool:
@@ -141,10 +146,9 @@ def may_be_mirrored(markers: Sequence[Markers]) -> bool:
     return any((m.squares.most_evidence(m.families, MIRRORED, mirrored=True) >= MIRRORED).any() for m in markers)
 
 
-def _promising(markers: Markers, least: float) -> list[_Scores]:
-    """Evidence of the families and orientations for which a layout may reach the evidence `least`."""
+def _promising(markers: Markers, able: Bool[Array, "f 4"]) -> list[_Scores]:
+    """Evidence of the families and orientations that are `able` (families, 4) to have a certain layout."""
     squares = markers.squares
-    able = squares.most_evidence(markers.families, least) >= least
     turned = {turns: squares.turned(turns) for turns in np.flatnonzero(able.any(axis=0)).tolist()}
     return [
         _Scores(t.gains(family, FRAME.border), t.row, t.column, t.shape, markers.appearance, family, turns)
