@@ -13,7 +13,7 @@ from rcdn.config import Adaptive, Fixed, MaxFraction, Std
 from rcdn.errors import ConfigError
 from rcdn_lab.cli.evaluate import tables as verbs
 from rcdn_lab.paper import table_claims, table_text, tables
-from rcdn_lab.paper.networks import NETWORKS, Network
+from rcdn_lab.paper.networks import NETWORKS, TWICE, Network
 from rcdn_lab.paper.published import COLUMNS, CROSS_ENTROPY, SQUARED, TABLE2, TABLE3
 from rcdn_lab.paper.score import Counts, chess_detections, count, detections, rules
 from rcdn_lab.paper.sets import SETS, shots
@@ -262,6 +262,25 @@ def test_a_claim_is_judged_by_the_figures_it_is_given():
         if "recall than ChESS" in c.text
     )
     assert claim.details == "x: F 0.9900, ChESS 0.9700; y: F 0.9800, ChESS 0.9800"
+
+
+@pytest.mark.parametrize(("gap", "holds"), [(0.03, True), (0.002, False)])
+def test_a_difference_counts_beyond_the_scatter_of_seeds(gap, holds):
+    """Two seeds of each network differ by some .004 in F1; two kinds of network by `gap` in the mean."""
+    rng, rows = np.random.default_rng(5), []
+    for row, pair in TWICE.items():
+        level = 0.96 + (gap if row == "D-1" else 0)
+        for name in pair:
+            for place in ("x", "y"):
+                rate = level + float(rng.normal(0, 0.003))
+                rows.append({"row": name, "method": "adaptive", "set": place, "precision": rate, "recall": rate})
+    claims = {c.text: c for c in table_claims.claims_of_seeds(rows)}
+    (claim,) = (c for text, c in claims.items() if "D-1, D-3" in text)
+    assert claim.signs == {"x": int(holds), "y": int(holds)}
+    others = [s for text, c in claims.items() if "D-1" not in text for s in c.signs.values()]
+    assert sum(s != 0 for s in others) <= 2  # of 16 comparisons of alike networks, one in twenty by chance
+    assert not any("ChESS" in text for text in claims)
+    assert not table_claims.claims_of_seeds([r for r in rows if "seed 2" not in r["row"]])
 
 
 def test_rows_become_figures(every_network):

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
+from rcdn_lab.paper.networks import TWICE
 from rcdn_lab.paper.published import CROSS_ENTROPY, TABLE2, TABLE3
 
 CLOSE = 0.005
@@ -18,6 +19,10 @@ Key = tuple[str, str]
 Figures = Mapping[Key, Mapping[str, tuple[float, float]]]
 """key → set → precision and recall"""
 Measure = Callable[[tuple[float, float]], float]
+Least = Callable[[Measure, str], float]
+"""measure, set (or '': the mean of all) → the smallest difference of two rows that counts"""
+STUDENT = 2.2
+"""Student's t for 95 % and eleven degrees of freedom, one of each network that was trained twice"""
 
 
 @dataclass(frozen=True)
@@ -88,9 +93,16 @@ def claims(table: str, figures: Figures) -> list[Comparison]:
 # ---- comparisons
 
 
-def _sign(a: float, b: float) -> int:
-    """Sign of a − b, in the digits that the tables show."""
+def _sign(a: float, b: float, least: float = 0.0) -> int:
+    """Sign of a − b, in the digits that the tables show; 0 if they differ by less than `least`."""
+    if abs(a - b) < least:
+        return 0
     return (round(a, 5) > round(b, 5)) - (round(a, 5) < round(b, 5))
+
+
+def _any(measure: Measure, name: str) -> float:
+    """Every difference counts."""
+    return 0.0
 
 
 def _common(figures: Figures, *keys: Key) -> list[str]:
@@ -104,7 +116,7 @@ def _name(key: Key, methods: bool) -> str:
 
 def _better(
     text: str, figures: Figures, pairs: Sequence[tuple[Key, Key]], measure: Measure, share: float | None = None,
-    only: str = "",
+    only: str = "", least: Least = _any,
 ) -> Comparison:  # fmt: skip
     """The first of each pair is greater on every set (or on those whose name contains `only`)."""
     signs, details = {}, []
@@ -115,7 +127,7 @@ def _better(
                 continue
             a, b = measure(figures[one][name]), measure(figures[two][name])
             where = f"{name}, {_name(one, True)}" if len(pairs) > 1 else name
-            signs[where] = _sign(a, b)
+            signs[where] = _sign(a, b, least(measure, name))
             details.append(f"{name}: {_name(one, methods)} {a:.4f}, {_name(two, methods)} {b:.4f}")
     return Comparison(text, signs, "; ".join(details), share)
 
@@ -171,12 +183,12 @@ def _close(figures: Figures, nets: Sequence[str]) -> Comparison:
     )
 
 
-def _of_table3(figures: Figures) -> list[Comparison]:
+def _of_table3(figures: Figures, least: Least = _any) -> list[Comparison]:
     def net(row: str) -> Key:
         return row, "max" if row == "ChESS" else "adaptive"
 
     def better(text: str, one: str, two: str, measure: Measure = f1) -> Comparison:
-        return _better(text, figures, [(net(one), net(two))], measure)
+        return _better(text, figures, [(net(one), net(two))], measure, least=least)
 
     return [
         better("one large first kernel is better than a stack of small ones (B, C; F1)", "B", "C"),
@@ -184,7 +196,7 @@ def _of_table3(figures: Figures) -> list[Comparison]:
         better("a last layer of 1×1 is better than of 3×3 (D-1, D-3; F1)", "D-1", "D-3"),
         better("a 1×1 layer that fuses helps (A → B; F1)", "B", "A"),
         better("a 1×1 layer that fuses helps (E-32 → F; F1)", "F", "E-32"),
-        *_depth(figures),
+        *_depth(figures, least),
         *(
             better(f"F has the better {what} than {other}", "F", other, measure)
             for what, measure in (("recall", recall), ("precision", precision))
@@ -193,7 +205,7 @@ def _of_table3(figures: Figures) -> list[Comparison]:
     ]
 
 
-def _depth(figures: Figures) -> list[Comparison]:
+def _depth(figures: Figures, least: Least) -> list[Comparison]:
     """By the mean F1 of the sets: increasing from three to six layers, and not further with a seventh."""
     rows = ("A", "D-1", "E-32", "F", "H")
     names = _common(figures, *((row, "adaptive") for row in rows))
@@ -204,10 +216,42 @@ def _depth(figures: Figures) -> list[Comparison]:
     if not names:
         return [Comparison(text, {}, "") for text in texts]
     mean = {row: sum(f1(figures[row, "adaptive"][name]) for name in names) / len(names) for row in rows}
-    steps = {f"{a} → {b}": _sign(mean[b], mean[a]) for a, b in pairwise(rows[:4])}
+    steps = {f"{a} → {b}": _sign(mean[b], mean[a], least(f1, "")) for a, b in pairwise(rows[:4])}
     rising = ", ".join(f"{row} {mean[row]:.4f}" for row in rows[:4])
     last = f"F {mean['F']:.4f}, H {mean['H']:.4f}"
     return [
         Comparison(texts[0], steps, rising),
-        Comparison(texts[1], {"F, H": 1 if _sign(mean["F"], mean["H"]) >= 0 else -1}, last),
+        Comparison(texts[1], {"F, H": 1 if _sign(mean["F"], mean["H"], least(f1, "")) >= 0 else -1}, last),
     ]
+
+
+# ---- two seeds
+
+
+def claims_of_seeds(rows: Sequence[Mapping[str, Any]]) -> list[Comparison]:
+    """The claims about Table 3 on the means of two seeds (`networks.TWICE`): a difference of two rows counts if it is
+    significant at 95 %, by the scatter of all networks' seeds on the same set. Claims about ChESS, which isn't trained,
+    are left out."""
+    figures = measured(rows)
+    both = {
+        row: (figures[one, "adaptive"], figures[two, "adaptive"])
+        for row, (one, two) in TWICE.items()
+        if (one, "adaptive") in figures and (two, "adaptive") in figures
+    }
+    if not both:
+        return []
+    every = [one for pair in both.values() for one in pair]
+    sets = [name for name in every[0] if all(name in one for one in every)]
+
+    def value(one: Mapping[str, tuple[float, float]], measure: Measure, name: str) -> float:
+        return measure(one[name]) if name else sum(measure(one[n]) for n in sets) / len(sets)
+
+    def least(measure: Measure, name: str) -> float:
+        squares = [(value(one, measure, name) - value(two, measure, name)) ** 2 / 2 for one, two in both.values()]
+        return STUDENT * (sum(squares) / len(squares)) ** 0.5  # the mean of two differs from that of two by √(½ + ½) σ
+
+    means = {
+        (row, "adaptive"): {n: ((one[n][0] + two[n][0]) / 2, (one[n][1] + two[n][1]) / 2) for n in sets}
+        for row, (one, two) in both.items()
+    }
+    return [claim for claim in _of_table3(means, least) if claim.signs]

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rcdn_lab.paper.claim import folded
-from rcdn_lab.paper.table_claims import Comparison, claims, measured, published
+from rcdn_lab.paper.table_claims import STUDENT, Comparison, claims, claims_of_seeds, measured, published
 
 TITLES = {
     "table2": "Table 2: thresholds and losses", "table3": "Table 3: networks", "seeds": "Table 3 from two seeds",
@@ -16,6 +16,11 @@ SHORT = {
     "paper precision": "paper P", "paper recall": "paper R", "precision difference": "diff P",
     "recall difference": "diff R",
 }  # fmt: skip
+BY_SEED = (
+    "All networks by one budget, each from two seeds; precision / recall. Below, the claims on the means of both "
+    "seeds: a difference counts if it is significant at 95 %, by the scatter of all networks' seeds on the same set "
+    f"(Student's t, {STUDENT:g})."
+)
 READING = (
     "A detection is true if a true corner is closer than 4 px (the paper's reading; a second detection of one corner "
     "is true as well), `strict`: one to one. All detections of a set together. No refinement."
@@ -46,7 +51,8 @@ def by_seed(rows: Sequence[Mapping[str, Any]]) -> str:
 def verdicts(table: str, rows: Sequence[Mapping[str, Any]]) -> list[tuple[Comparison, Comparison]]:
     """Each claim of section 4.1 on the paper's own figures, and on ours."""
     if table == "seeds":
-        return []
+        own = {claim.text: claim for claim in claims("table3", published("table3"))}
+        return [(own[claim.text], claim) for claim in claims_of_seeds(rows)]
     return list(zip(claims(table, published(table)), claims(table, measured(rows)), strict=True))
 
 
@@ -71,7 +77,7 @@ def markdown(
     clusters = "with clustering (but for ChESS)" if settings["cluster"] else "without clustering"
     read = f"{READING} Post-processing of the preset `paper`, {clusters}."
     if table == "seeds":
-        return "\n\n".join([f"### {TITLES[table]}", by_seed(rows), made])
+        return "\n\n".join([f"### {TITLES[table]}", BY_SEED, by_seed(rows), _significant(rows), made])
     parts = [f"## {TITLES[table]}", picture(table), _claims(table, rows), _skipped(rows)]
     parts += [folded("All rows, and how they were made", made, read, _grain(rows), _table(rows))]
     parts += [folded("The figures behind the claims", _figures(table, rows))]
@@ -126,6 +132,14 @@ def _claims(table: str, rows: Sequence[Mapping[str, Any]]) -> str:
     lines += [
         f"| {paper.text} | {paper.verdict} | {_stressed(ours.verdict)} |" for paper, ours in verdicts(table, rows)
     ]
+    return "\n".join(lines)
+
+
+def _significant(rows: Sequence[Mapping[str, Any]]) -> str:
+    lines = ["| section 4.1 says | its own table | holds | doesn't hold | can't be told |", "|---|---|---|---|---|"]
+    for paper, ours in verdicts("seeds", rows):
+        yes, no, open_ = (", ".join(case for case, s in ours.signs.items() if s == k) or "–" for k in (1, -1, 0))
+        lines.append(f"| {ours.text} | {paper.verdict} | {yes} | {no} | {open_} |")
     return "\n".join(lines)
 
 

@@ -17,7 +17,7 @@ from rcdn.config import Adaptive, DetectorConfig, Fixed, MaxFraction, Std, Thres
 from rcdn.errors import ConfigError, RcdnError, present
 from rcdn.types import Array
 from rcdn_lab.paper.cache import TableCache, digest, open_cache
-from rcdn_lab.paper.networks import NETWORKS
+from rcdn_lab.paper.networks import NETWORKS, TWICE
 from rcdn_lab.paper.published import CROSS_ENTROPY, SQUARED, TABLE2, TABLE3
 from rcdn_lab.paper.score import BORDER, CHESS, RADIUS, Counts, chess_detections, count, detections, rules
 from rcdn_lab.paper.sets import FIRST, SETS, SIZE, PictureSet, Shot, missing, shots
@@ -54,14 +54,13 @@ class Line:
         return known[column]
 
 
-SEEDS = ("A", "A, seed 2", "B", "B, seed 2", "E-32", "E-32, seed 2", "F", "F, as all", "F, as all, seed 2")
 LINES: dict[Name, tuple[Line, ...]] = {
     "table2": tuple(Line(row, label, m) for row, label in (("A", CROSS_ENTROPY), ("MATE", SQUARED)) for m in METHODS),
     "table3": (
         *(Line(row, row, "adaptive") for row, network in NETWORKS.items() if not network.again),
         Line(CHESS_ROW, CHESS_ROW, "max"),
     ),
-    "seeds": tuple(Line(row, row, "adaptive") for row in SEEDS),
+    "seeds": tuple(Line(row, row, "adaptive") for pair in TWICE.values() for row in pair),
 }
 
 

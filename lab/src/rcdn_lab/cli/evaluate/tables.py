@@ -76,9 +76,10 @@ table3 = _command(
 )
 seeds = _command(
     "seeds",
-    """Networks A, B, E-32 and F of Table 3, trained from two seeds; F also as long as all others, not as it ships.
+    """The networks of Table 3, each trained from two seeds by one budget, F as long as all others, too.
 
-    Pictures and columns as in `rcdn evaluate table2`. About 6 minutes on two cores, 35 with --full.
+    Pictures and columns as in `rcdn evaluate table2`. Then the claims about Table 3: where they hold or don't beyond
+    the scatter of seeds. About 16 minutes on two cores, an hour and a half with --full.
     """,
 )
 
