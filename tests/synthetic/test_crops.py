@@ -70,4 +70,8 @@ def test_windows_without_a_board_come_from_photographs_if_there_are_any():
 
 
 def test_the_presets_without_photographs_are_as_they_were():
-    assert [name for name, ranges in PRESETS.items() if ranges.busy_p or ranges.faint] == ["paper", "paper-wide"]
+    assert [name for name, ranges in PRESETS.items() if ranges.busy_p or ranges.faint] == [
+        "paper",
+        "paper-noise",
+        "paper-wide",
+    ]

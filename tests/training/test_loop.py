@@ -336,6 +336,8 @@ def test_configurations_in_the_repository():
         ("normalisation = 'none'", "normalisation must be one of"),
         ("steps = 0", r"steps must be in \[1, "),
         ("rate = 0", "rate must be above 0"),
+        ("background = 0", "background must be in"),
+        ("loss = 'heatmap'\nbackground = 2", "background: the loss 'heatmap' has no weight of the background"),
         ("ema = 1.0", "ema below 1"),
         ("side = 200", "side must be .* at most pool.size = 112"),
         ("side = 18", "side must be 18 plus"),

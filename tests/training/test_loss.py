@@ -9,7 +9,7 @@ pytest.importorskip("rcdn.training", exc_type=ImportError, reason="needs rcdn[tr
 import numpy as np
 import torch
 
-from rcdn.training.loss import ACTIVATION, LOSSES, Targets, heatmap, paper, safe, squared
+from rcdn.training.loss import ACTIVATION, BALANCED, LOSSES, Targets, heatmap, loss_function, paper, safe, squared
 
 F64 = torch.float64
 GRID = [0.051, 0.1, 0.3, 0.5, 0.8, 0.949]  # between the knees, where `safe` is `paper`
@@ -108,6 +108,16 @@ def test_squared_is_one_sided():
 def test_classes_weigh_the_same_however_many_pixels_they_have(loss):
     one = value(loss, [0.3, 0.6])
     assert value(loss, [0.3] * 3 + [0.6] * 50, positives=3) == pytest.approx(one)
+
+
+@pytest.mark.parametrize("name", BALANCED)
+def test_the_background_counts_as_often_as_told(name):
+    """Three times: the loss of the corners and three times that of the background, which are seen one at a time."""
+    loss = loss_function(name, 3.0)
+    corners, background = value(loss, [0.3, -2.0]), value(loss, [9.0, 0.6])  # the other pixel costs nothing
+    assert corners == pytest.approx(value(LOSSES[name], [0.3, -2.0]))
+    assert background == pytest.approx(3 * value(LOSSES[name], [9.0, 0.6]))
+    assert value(loss, [0.3, 0.6]) == pytest.approx(corners + background)
 
 
 @pytest.mark.parametrize("name", LOSSES)

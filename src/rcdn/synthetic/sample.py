@@ -90,6 +90,9 @@ Under the class-balanced loss of Eq. 1 a network responds wherever a corner is m
 that training on corners that are too faint to recognise makes it respond everywhere.
 """
 
+PAPER_NOISE = replace(PAPER, noise_tail_p=0.12, wide_blur_p=0.12)
+"""PAPER with some scenes of strong noise and of wide blur."""
+
 PAPER_WIDE = replace(
     PAPER, pitch=(6, 60), noise_tail_p=0.12, wide_blur_p=0.12, motion_p=0.05, contrast=(0.3, 0.95), light=1.2,
     edge_shadow_p=0.15,
@@ -105,8 +108,8 @@ DELTILLE_TRAINING = replace(
 """Training data for deltilles: TRAINING without the steepest and smallest boards; its checkerboards are clutter."""
 
 PRESETS = {
-    "ordinary": ORDINARY, "hard": HARD, "training": TRAINING, "paper": PAPER, "paper-wide": PAPER_WIDE,
-    "deltille": DELTILLE, "deltille-training": DELTILLE_TRAINING,
+    "ordinary": ORDINARY, "hard": HARD, "training": TRAINING, "paper": PAPER, "paper-noise": PAPER_NOISE,
+    "paper-wide": PAPER_WIDE, "deltille": DELTILLE, "deltille-training": DELTILLE_TRAINING,
 }  # fmt: skip
 
 

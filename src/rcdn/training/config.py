@@ -10,7 +10,7 @@ from typing import Any
 
 from rcdn.errors import ConfigError, FormatError, shown
 from rcdn.io.fields import read_text
-from rcdn.training.loss import LOSSES
+from rcdn.training.loss import BALANCED, LOSSES
 from rcdn.training.net import ARCHITECTURES
 from rcdn.training.samples import PoolConfig
 
@@ -35,6 +35,7 @@ class TrainConfig:
     3.1), or ''; the teacher's layers are frozen for the first `frozen` steps;
     `mined`: every so many steps the averaged network looks at all crops, and from then on every second window is drawn
     by how much it answers where there is no corner; 0: never;
+    `background`: how many times the background's mean counts in the loss (Eq. 1: once);
     `labelled`: a file of labelled pictures, or its folder (`labelled.read_labelled`), or ''; crops of them are the
     share `labelled_share` of the training data.
     """
@@ -59,6 +60,7 @@ class TrainConfig:
     frozen: int = 0
     batch_norm: bool = False
     mined: int = 0
+    background: float = 1.0
     labelled: str = ""
     labelled_share: float = 0.25
     pool: PoolConfig = field(default_factory=PoolConfig)
@@ -81,6 +83,8 @@ class TrainConfig:
         for key, (least, most) in _RANGES.items():
             if not least <= getattr(self, key) <= most:
                 raise ConfigError(f"config: {key} must be in [{least}, {most}], not {shown(getattr(self, key))}")
+        if self.background != 1 and self.loss not in BALANCED:
+            raise ConfigError(f"config: background: the loss {self.loss!r} has no weight of the background; leave it 1")
         if not self.rate > 0 or not self.ema < 1:
             raise ConfigError(f"config: rate must be above 0 and ema below 1, not {self.rate} and {self.ema}")
         if not 0 < self.labelled_share < 1:
@@ -104,7 +108,7 @@ _CHOICES: dict[str, Any] = {
 _RANGES = {
     "batch": (1, 100_000), "side": (1, 10_000), "steps": (1, 10**9), "validate_every": (1, 10**9),
     "seed": (0, 2**32 - 1), "rate": (0, 100), "decay": (0, 100), "clip": (0, 1e6), "ema": (0, 1), "frozen": (0, 10**9),
-    "mined": (0, 10**9),
+    "mined": (0, 10**9), "background": (1e-3, 1e3),
 }  # fmt: skip
 
 

@@ -1,11 +1,13 @@
 """The loss of Eq. 1–2 in two forms, the one-sided squared loss of MATE, and the heat-map loss of `auto`.
 
-Every loss takes the pre-activation z (B, h, w) of the last layer and `Targets`, and returns a scalar.
+Every loss takes the pre-activation z (B, h, w) of the last layer and `Targets`, and returns a scalar. Those of
+`BALANCED` also take `background`: how many times the background's mean counts; in Eq. 1 once.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import torch
@@ -24,22 +26,22 @@ class Targets(NamedTuple):
     heat: Tensor
 
 
-def _balanced(positive_terms: Tensor, negative_terms: Tensor, targets: Targets) -> Tensor:
-    """Mean over the positives plus mean over the negatives, both over the whole batch."""
+def _balanced(positive_terms: Tensor, negative_terms: Tensor, targets: Targets, background: float) -> Tensor:
+    """Mean over the positives plus `background` times the mean over the negatives, both over the whole batch."""
     pos = targets.positive & (targets.weight > 0)
     neg = ~targets.positive & (targets.weight > 0)
     zero = torch.zeros((), dtype=positive_terms.dtype, device=positive_terms.device)
-    return torch.where(pos, positive_terms, zero).sum() / pos.sum().clamp(min=1) + torch.where(
+    return torch.where(pos, positive_terms, zero).sum() / pos.sum().clamp(min=1) + background * torch.where(
         neg, negative_terms, zero
     ).sum() / neg.sum().clamp(min=1)
 
 
-def paper(z: Tensor, targets: Targets) -> Tensor:
+def paper(z: Tensor, targets: Targets, background: float = 1.0) -> Tensor:
     """Eq. 1 on the clipped output of Eq. 2; its regulariser is the optimiser's weight decay. Its gradient can vanish
     for good (a dead network): see `safe`."""
     y = torch.relu(z)
     a_pos, a_neg = y.clamp(EPS, 1.0), y.clamp(0.0, 1.0 - EPS)
-    return _balanced(-(1 - a_pos) * a_pos.log(), -a_neg * torch.log1p(-a_neg), targets)
+    return _balanced(-(1 - a_pos) * a_pos.log(), -a_neg * torch.log1p(-a_neg), targets, background)
 
 
 def _hinge(a: Tensor) -> Tensor:
@@ -51,21 +53,21 @@ def _hinge(a: Tensor) -> Tensor:
     return torch.where(a < KNEE, value + slope * (a - KNEE), curve)
 
 
-def safe(z: Tensor, targets: Targets) -> Tensor:
+def safe(z: Tensor, targets: Targets, background: float = 1.0) -> Tensor:
     """Eq. 1–2 on the pre-activation, continued as a straight line below 0.05 (corners) and above 0.95 (background).
 
     It has the same minimiser as `paper` and is one-sided, too; the gradient is bounded and never zero for a missed
     corner.
     """
-    return _balanced(_hinge(z), _hinge(1 - z), targets)
+    return _balanced(_hinge(z), _hinge(1 - z), targets, background)
 
 
-def squared(z: Tensor, targets: Targets) -> Tensor:
+def squared(z: Tensor, targets: Targets, background: float = 1.0) -> Tensor:
     """MATE's one-sided squared difference, weighted by inverse class frequency (paper section 3.2).
 
     It acts on the pre-activation, so that a missed corner has a gradient even below 0, where the response is 0.
     """
-    return _balanced((1 - z).clamp(min=0) ** 2, torch.relu(z) ** 2, targets)
+    return _balanced((1 - z).clamp(min=0) ** 2, torch.relu(z) ** 2, targets, background)
 
 
 def heatmap(z: Tensor, targets: Targets) -> Tensor:
@@ -78,11 +80,17 @@ def heatmap(z: Tensor, targets: Targets) -> Tensor:
     return (gap * bce * targets.weight).sum() / targets.positive.sum().clamp(min=1)
 
 
-LOSSES: dict[str, Callable[[Tensor, Targets], Tensor]] = {
+LOSSES: dict[str, Callable[..., Tensor]] = {
     "paper": paper, "safe": safe, "squared": squared, "heatmap": heatmap,
 }  # fmt: skip
+BALANCED = ("paper", "safe", "squared")
 ACTIVATION = {"paper": "relu", "safe": "relu", "squared": "relu", "heatmap": "sigmoid"}
 """Final activation, by loss: converts z of a network trained with this loss into the response."""
+
+
+def loss_function(name: str, background: float = 1.0) -> Callable[[Tensor, Targets], Tensor]:
+    """The loss `name`; the background's mean counts `background` times."""
+    return partial(LOSSES[name], background=background) if name in BALANCED else LOSSES[name]
 
 
 def response(z: Tensor, loss: str) -> Tensor:

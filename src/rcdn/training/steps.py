@@ -23,7 +23,7 @@ from rcdn.errors import OutputError, RcdnError
 from rcdn.io import write_text
 from rcdn.provenance import commit
 from rcdn.training.config import TrainConfig
-from rcdn.training.loss import LOSSES, response
+from rcdn.training.loss import loss_function, response
 from rcdn.training.machine import machine
 from rcdn.training.mining import false_answers
 from rcdn.training.net import ARCHITECTURES
@@ -63,6 +63,7 @@ class Run:
         self.kept, self.pool = kept, pool
         self.config, self.folder, self.fabric, self.state = config, folder, fabric, state
         self.overfit = pool if overfit else None
+        self.loss = loss_function(config.loss, config.background)
         self.loss_sum, self.positive_sum, self.count, self.silent = (torch.zeros((), device=fabric.device),) * 4
         self.clock = time.perf_counter()
         self.facts: dict[str, Any] = {"commit": commit(), "machine": machine()}  # of the code that runs now, not later
@@ -126,7 +127,7 @@ class Run:
     def _gradients(self, image: torch.Tensor, goal: Any) -> tuple[torch.Tensor, torch.Tensor]:
         """The loss, and the mean response at its corners (NaN if none); gradients are left at the parameters."""
         z = self.state["model"](image.to(memory_format=torch.channels_last))
-        loss = LOSSES[self.config.loss](z, goal)
+        loss = self.loss(z, goal)
         self.fabric.backward(loss)
         answers = response(z.detach(), self.config.loss) * goal.positive
         return loss.detach(), answers.sum() / goal.positive.sum()

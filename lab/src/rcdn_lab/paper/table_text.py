@@ -17,9 +17,8 @@ SHORT = {
     "recall difference": "diff R",
 }  # fmt: skip
 BY_SEED = (
-    "All networks by one budget, each from two seeds; precision / recall. Below, the claims on the means of both "
-    "seeds: a difference counts if it is significant at 95 %, by the scatter of all networks' seeds on the same set "
-    f"(Student's t, {STUDENT:g})."
+    "All networks by one budget, each from two seeds. The claims on the means of both: a difference counts if it is "
+    f"significant at 95 %, by the scatter of all networks' seeds on the same set (Student's t, {STUDENT:g})."
 )
 READING = (
     "A detection is true if a true corner is closer than 4 px (the paper's reading; a second detection of one corner "
@@ -60,7 +59,8 @@ def claim_lines(table: str, rows: Sequence[Mapping[str, Any]]) -> list[str]:
     """The claims as lines."""
     out = []
     for paper, ours in verdicts(table, rows):
-        out += [f"{ours.text}: {ours.verdict} (in the paper's own table: {paper.verdict})"]
+        found = _told(ours) if table == "seeds" else ours.verdict
+        out += [f"{ours.text}: {found} (in the paper's own table: {paper.verdict})"]
         out += [f"    {ours.details}"] if ours.details else []
     return out
 
@@ -77,7 +77,8 @@ def markdown(
     clusters = "with clustering (but for ChESS)" if settings["cluster"] else "without clustering"
     read = f"{READING} Post-processing of the preset `paper`, {clusters}."
     if table == "seeds":
-        return "\n\n".join([f"### {TITLES[table]}", BY_SEED, by_seed(rows), _significant(rows), made])
+        every = folded("Precision and recall of each", by_seed(rows))
+        return "\n\n".join([f"### {TITLES[table]}", BY_SEED, _significant(rows), every, made])
     parts = [f"## {TITLES[table]}", picture(table), _claims(table, rows), _skipped(rows)]
     parts += [folded("All rows, and how they were made", made, read, _grain(rows), _table(rows))]
     parts += [folded("The figures behind the claims", _figures(table, rows))]
@@ -133,6 +134,11 @@ def _claims(table: str, rows: Sequence[Mapping[str, Any]]) -> str:
         f"| {paper.text} | {paper.verdict} | {_stressed(ours.verdict)} |" for paper, ours in verdicts(table, rows)
     ]
     return "\n".join(lines)
+
+
+def _told(claim: Comparison) -> str:
+    yes, no, every = (sum(s in k for s in claim.signs.values()) for k in ((1,), (-1,), (-1, 0, 1)))
+    return f"holds on {yes} of {every}, doesn't on {no}, can't be told on {every - yes - no}"
 
 
 def _significant(rows: Sequence[Mapping[str, Any]]) -> str:
