@@ -204,6 +204,16 @@ def test_a_run_begins_from_the_weights_of_another(tmp_path):
             run(dataclasses.replace(follower, name="c", architecture=architecture, start=str(start)), tmp_path)
 
 
+def test_a_run_weighs_the_background_as_its_configuration_says(tmp_path):
+    """The first step's loss is linear in the weight: corners + weight · background."""
+    one, two, four = (
+        float(rows(run(dataclasses.replace(A, name=f"w{w:g}", steps=1, background=w), tmp_path))[0]["loss"])
+        for w in (1.0, 2.0, 4.0)
+    )
+    assert two - one > 0.01
+    assert four - one == pytest.approx(3 * (two - one), abs=1e-5)
+
+
 @pytest.mark.parametrize("config", [A, Q], ids=["A", "Q"])
 def test_a_run_begins_from_an_exported_network(config, tmp_path, monkeypatch):
     """With a rate of nearly nothing it computes what the exported one computes."""

@@ -84,6 +84,7 @@ LOSSES: dict[str, Callable[..., Tensor]] = {
     "paper": paper, "safe": safe, "squared": squared, "heatmap": heatmap,
 }  # fmt: skip
 BALANCED = ("paper", "safe", "squared")
+"""Losses that are a mean over the corners plus a mean over the background."""
 ACTIVATION = {"paper": "relu", "safe": "relu", "squared": "relu", "heatmap": "sigmoid"}
 """Final activation, by loss: converts z of a network trained with this loss into the response."""
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rcdn_lab.paper.claim import folded
-from rcdn_lab.paper.table_claims import STUDENT, Comparison, claims, claims_of_seeds, measured, published
+from rcdn_lab.paper.table_claims import LEVEL, Comparison, claims, claims_of_seeds, measured, published
 
 TITLES = {
     "table2": "Table 2: thresholds and losses", "table3": "Table 3: networks", "seeds": "Table 3 from two seeds",
@@ -17,8 +17,9 @@ SHORT = {
     "recall difference": "diff R",
 }  # fmt: skip
 BY_SEED = (
-    "All networks by one budget, each from two seeds. The claims on the means of both: a difference counts if it is "
-    f"significant at 95 %, by the scatter of all networks' seeds on the same set (Student's t, {STUDENT:g})."
+    "All networks by one budget, each from two seeds; F is the one of that budget, not the preset's. The claims on the "
+    f"means of both seeds: a difference counts if it is significant at {LEVEL:.0%} by Student's t, with the scatter of "
+    "all networks' seeds on the same set. One comparison in twenty is significant by chance."
 )
 READING = (
     "A detection is true if a true corner is closer than 4 px (the paper's reading; a second detection of one corner "
@@ -78,7 +79,8 @@ def markdown(
     read = f"{READING} Post-processing of the preset `paper`, {clusters}."
     if table == "seeds":
         every = folded("Precision and recall of each", by_seed(rows))
-        return "\n\n".join([f"### {TITLES[table]}", BY_SEED, _significant(rows), every, made])
+        parts = [f"### {TITLES[table]}", BY_SEED, _significant(rows), _skipped(rows), every, made]
+        return "\n\n".join(part for part in parts if part)
     parts = [f"## {TITLES[table]}", picture(table), _claims(table, rows), _skipped(rows)]
     parts += [folded("All rows, and how they were made", made, read, _grain(rows), _table(rows))]
     parts += [folded("The figures behind the claims", _figures(table, rows))]
@@ -137,8 +139,8 @@ def _claims(table: str, rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _told(claim: Comparison) -> str:
-    yes, no, every = (sum(s in k for s in claim.signs.values()) for k in ((1,), (-1,), (-1, 0, 1)))
-    return f"holds on {yes} of {every}, doesn't on {no}, can't be told on {every - yes - no}"
+    yes, no, unknown = (list(claim.signs.values()).count(sign) for sign in (1, -1, 0))
+    return f"holds on {yes} of {yes + no + unknown}, doesn't on {no}, can't be told on {unknown}"
 
 
 def _significant(rows: Sequence[Mapping[str, Any]]) -> str:

@@ -1,4 +1,4 @@
-"""`rcdn evaluate table2` and `table3`: the paper's section 4.1."""
+"""`rcdn evaluate table2`, `table3` and `seeds`: the paper's section 4.1."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ table3 = _command(
 )
 seeds = _command(
     "seeds",
-    """The networks of Table 3, each trained from two seeds by one budget, F as long as all others, too.
+    """Each network of Table 3 from two seeds, all by one budget; F, too, not as it ships.
 
     Pictures and columns as in `rcdn evaluate table2`. Then the claims about Table 3: where they hold or don't beyond
     the scatter of seeds. About 16 minutes on two cores, an hour and a half with --full.
