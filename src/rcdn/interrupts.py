@@ -17,7 +17,8 @@ AGAIN = 0.02
 """seconds after which a deferred Ctrl-C is raised again"""
 
 _here = threading.local()
-"""`held`: number of nested `held` blocks that this thread is in; only the main thread is interrupted"""
+"""`held`: number of nested `held` blocks that this thread is in; `pressed`: Ctrl-C came within one of them. Only the
+main thread is interrupted."""
 
 _ended = False
 
@@ -37,13 +38,16 @@ def install() -> None:
 
 @contextlib.contextmanager
 def held() -> Iterator[None]:
-    """Defer Ctrl-C to the end of the block, for work that must not stop half-way: a thread would be left without being
-    joined, or a line of output lost."""
+    """Defer Ctrl-C to the end of the block, where it is raised at once, for work that must not stop half-way: a thread
+    would be left without being joined, or a line of output lost."""
     _here.held = getattr(_here, "held", 0) + 1
     try:
         yield
     finally:
         _here.held -= 1
+        if not _here.held and getattr(_here, "pressed", False):
+            _here.pressed = False
+            signal.raise_signal(signal.SIGINT)
 
 
 def end() -> None:
@@ -61,9 +65,12 @@ def ended() -> bool:
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
-    if getattr(_here, "held", 0) or _importing(frame):
+    if getattr(_here, "held", 0):
+        _here.pressed = True
+    elif _importing(frame):
         signal.setitimer(signal.ITIMER_REAL, AGAIN)
     else:
+        _here.pressed = False
         raise KeyboardInterrupt
 
 

@@ -53,6 +53,26 @@ def test_ctrl_c_of_the_command_is_one_line(code):
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "error: stopped by Ctrl-C\n")
 
 
+HELD = """
+try:
+    with interrupts.held():
+        with interrupts.held():
+            interrupt()
+            interrupt()
+        print("whole")
+    print("after the end of the block")
+except KeyboardInterrupt:
+    print("stopped")
+with interrupts.held():
+    print("and only once")
+"""
+
+
+def test_ctrl_c_within_a_block_comes_at_its_end():
+    done = python(HELD)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "whole\nstopped\nand only once\n", "")
+
+
 READER = """
 import itertools, time
 from rcdn.batch.work import in_thread
