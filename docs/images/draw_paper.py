@@ -158,8 +158,8 @@ def curves() -> str:
     parts.append(small(x0 + wide / 2, y0 + high + 34, axes))
     for k, (title, names) in enumerate(CURVES.items()):
         parts.append(small(x0 + wide + 14, y0 + 16 + 20 * k, title, f"text-anchor='start' fill='{COLOURS[k]}'"))
-        for name in (name + seed for name in names for seed in ("", "-2")):
-            curve = json.loads((WEIGHTS / f"{name}.json").read_text("utf-8"))["curve"]
+        for run in [name + seed for name in names for seed in ("", "-2")]:
+            curve = json.loads((WEIGHTS / f"{run}.json").read_text("utf-8"))["curve"]
             points = [at(step, f1) for step, _, f1 in curve]
             path = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
             parts.append(f"<polyline points='{path}' fill='none' stroke='{COLOURS[k]}' stroke-width='1.6'/>")

@@ -108,6 +108,29 @@ def test_a_reader_that_cannot_begin_says_why():
     assert (done.returncode, done.stdout, done.stderr) == (0, "can't start new thread\n", "")
 
 
+THREADS = """
+import time
+from concurrent.futures import ThreadPoolExecutor
+from rcdn.corners.threads import Threads
+ThreadPoolExecutor.submit = then(ThreadPoolExecutor.submit)
+done = []
+def run(item):
+    time.sleep(0.01)
+    done.append(item)
+try:
+    Threads()(run, range(300), 3)
+except KeyboardInterrupt:
+    before = len(done)
+    time.sleep(0.5)
+    print(len(done) - before <= 2)
+"""
+
+
+def test_threads_that_have_just_begun_leave_the_rest():
+    done = python(THREADS)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "True\n", "")
+
+
 PROCESS = """
 from rcdn.batch.processes import no_interrupts
 other = threading.Thread(target=threading.Event().wait, daemon=True)

@@ -52,7 +52,11 @@ class Threads:
                 left.clear()
                 raise
 
-        others = self._submitted(work, min(count, len(left)) - 1)
+        try:
+            others = self._submitted(work, min(count, len(left)) - 1)
+        except BaseException:
+            left.clear()  # threads that have begun end after their item
+            raise
         try:
             work()
         finally:

@@ -249,8 +249,7 @@ def claims_of_seeds(rows: Sequence[Mapping[str, Any]]) -> list[Comparison]:
     }
     if not both:
         return []
-    every = [one for pair in both.values() for one in pair]
-    sets = [name for name in every[0] if all(name in one for one in every)]
+    sets = _common(figures, *((name, "adaptive") for row in both for name in TWICE[row]))
     t = float(student.ppf((1 + LEVEL) / 2, len(both)))  # one degree of freedom a network
 
     def value(one: Mapping[str, tuple[float, float]], measure: Measure, name: str) -> float:

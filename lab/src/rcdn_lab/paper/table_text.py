@@ -19,7 +19,8 @@ SHORT = {
 BY_SEED = (
     "All networks by one budget, each from two seeds; F is the one of that budget, not the preset's. The claims on the "
     f"means of both seeds: a difference counts if it is significant at {LEVEL:.0%} by Student's t, with the scatter of "
-    "all networks' seeds on the same set. One comparison in twenty is significant by chance."
+    "all networks' seeds on the same set. One comparison in twenty is significant by chance. Seeds are those of the "
+    "initial weights and of the windows drawn; the crops are the same."
 )
 READING = (
     "A detection is true if a true corner is closer than 4 px (the paper's reading; a second detection of one corner "

@@ -79,7 +79,7 @@ seeds = _command(
     """Each network of Table 3 from two seeds, all by one budget; F, too, not as it ships.
 
     Pictures and columns as in `rcdn evaluate table2`. Then the claims about Table 3: where they hold or don't beyond
-    the scatter of seeds. About 16 minutes on two cores, an hour and a half with --full.
+    the scatter of seeds. About 15 minutes of one core, six times as much with --full.
     """,
 )
 
