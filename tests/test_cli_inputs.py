@@ -167,9 +167,9 @@ def test_jobs_and_threads(monkeypatch):
     assert pool.jobs_for(3, paths) == 3
     assert pool.jobs_for(0, paths[:2]) == 1
     assert pool.jobs_for(0, [Path("a.mp4")]) == 8
-    assert pool.one_thread(CONFIG, 1).threads == 0
-    assert pool.one_thread(CONFIG, 2).threads == 1
-    assert pool.one_thread(DetectorConfig(threads=3), 2).threads == 3
+    assert pool.config_of_process(CONFIG, 1).threads == 0
+    assert pool.config_of_process(CONFIG, 2).threads == 1
+    assert pool.config_of_process(DetectorConfig(threads=3), 2).threads == 3
 
 
 def test_a_killed_process_loses_nothing(home, marks):

@@ -50,6 +50,31 @@ def test_imports_go_only_down():
     assert tool("lint-imports") == ""
 
 
+def imports_of_modules(folder):
+    """Which modules of the packages in `folder` each of them imports, also within functions and for types only."""
+    files = {".".join(f.relative_to(folder).with_suffix("").parts): f for f in folder.rglob("*.py")}
+    graph = {}
+    for name, file in files.items():
+        taken = set()
+        for node in ast.walk(ast.parse(file.read_text())):
+            if isinstance(node, ast.Import):
+                taken |= {a.name for a in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.module:
+                of = {f"{node.module}.{a.name}" for a in node.names}
+                taken |= of & set(files) or {node.module}
+        graph[name] = (taken & set(files)) - {name}
+    return graph
+
+
+@pytest.mark.parametrize("folder", ["src", "lab/src"])
+def test_no_circle_of_modules(folder):
+    graph = imports_of_modules(ROOT / folder)
+    assert sum(map(len, graph.values())) > 100
+    while ends := [name for name, taken in graph.items() if not taken]:
+        graph = {name: taken - set(ends) for name, taken in graph.items() if name not in ends}
+    assert sorted(graph) == []
+
+
 @pytest.mark.parametrize(
     "arguments",
     [

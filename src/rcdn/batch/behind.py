@@ -1,21 +1,14 @@
-"""Pictures in which the codes of a rig's board appear mirrored: detected again, as a board that is seen from behind."""
+"""Detection of boards that are seen from behind, with their codes mirrored."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rcdn.batch.cache import Cache, file_digest
 from rcdn.batch.work import make_detector
 from rcdn.config import DetectorConfig
-from rcdn.errors import many
-from rcdn.terminal import console
-
-if TYPE_CHECKING:
-    from rcdn.batch.calibration_runs import BoardReader
-    from rcdn.batch.inputs import Gathered
 
 
 class TwoSided:
@@ -53,18 +46,3 @@ def two_sided(cache: Cache | None) -> Cache | None:
 
     code = " ".join(map(file_digest, (__file__, behind.__file__)))
     return replace(cache, salt=hashlib.sha256(f"{cache.salt} {code}".encode()).hexdigest())
-
-
-def seen_from_behind(reader: BoardReader, name: str, inputs: Sequence[str], got: Gathered) -> Gathered:
-    """`got` with the boards identified that the camera `name` sees from behind; `got` unchanged if there are none."""
-    from rcdn.types.limits import READ_IN_A_MIRROR
-
-    some = sum(any(w.startswith(READ_IN_A_MIRROR) for w in image.warnings) for image in got.images)
-    if not some:
-        return got
-    console.note(
-        f"{name}: codes run the other way round in {many(some, 'picture')}, which are taken to show the board's back "
-        "(a print that shines through, or a mirrored one); if the pictures themselves are mirrored (selfie "
-        "mode), flip them first"
-    )
-    return reader.gather(inputs, got.frames or None, behind=True)

@@ -68,6 +68,21 @@ class BoardReader:
         note_target(self.settings.config.target, got)
         return got
 
+    def seen_from_behind(self, name: str, inputs: Sequence[str], got: Gathered) -> Gathered:
+        """`got` with the boards identified that the camera `name` sees from behind; `got` unchanged if there are
+        none."""
+        from rcdn.types.limits import READ_IN_A_MIRROR
+
+        some = sum(any(w.startswith(READ_IN_A_MIRROR) for w in image.warnings) for image in got.images)
+        if not some:
+            return got
+        console.note(
+            f"{name}: codes run the other way round in {many(some, 'picture')}, which are taken to show the board's "
+            "back (a print that shines through, or a mirrored one); if the pictures themselves are mirrored (selfie "
+            "mode), flip them first"
+        )
+        return self.gather(inputs, got.frames or None, behind=True)
+
     def check(self, got: Gathered, spacing: Length | Lengths) -> None:
         """Name the pictures without a board, and raise ConfigError if the boards contradict --board or --spacing."""
         from rcdn.batch.summary import size_hint

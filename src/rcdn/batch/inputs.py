@@ -91,7 +91,7 @@ def gather(
         raise ConfigError("there is nothing to read; name pictures, videos, folders that hold some, or detections")
     run.read_saved(size)
     jobs = pool.jobs_for(jobs, list(run.shot.values()))
-    config = pool.one_thread(config, jobs)
+    config = pool.config_of_process(config, jobs)
     run.detect(Work(partial(make, config), cache), jobs)
     return run.gathered()
 

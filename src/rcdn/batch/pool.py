@@ -10,11 +10,12 @@ import os
 import time
 from collections import deque
 from collections.abc import Generator, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from rcdn.batch.work import Done, Failure, Picture, Work
+from rcdn.batch.workers import HAND, LOST, Crew, Item, Worker
 from rcdn.errors import RcdnError
 
 if TYPE_CHECKING:
@@ -22,8 +23,6 @@ if TYPE_CHECKING:
 
 FEW = 2
 """The largest number of pictures for which starting processes takes longer than it saves."""
-HAND = 2
-"""Pictures assigned to a worker at once: it processes the first, and reads the next one meanwhile."""
 BEHIND = 16
 """Pictures per worker that may be in progress, or finished but not yet returned in order; limits the buffered
 results."""
@@ -31,8 +30,6 @@ STILLBORN = 3
 """Number of consecutive workers that die before they are ready at which the pool gives up."""
 PATIENCE = 3.0
 """Seconds that a worker has to end after the request."""
-LOST = object()
-"""The message received in place of a result when a worker has died."""
 
 
 def usable_cores() -> int:
@@ -53,7 +50,7 @@ def jobs_for(jobs: int, paths: Sequence[Path]) -> int:
     return 1 if len(paths) <= FEW else min(jobs, len(paths))
 
 
-def one_thread(config: DetectorConfig, jobs: int) -> DetectorConfig:
+def config_of_process(config: DetectorConfig, jobs: int) -> DetectorConfig:
     """`config` for each of `jobs` processes: with several, one thread each unless the user set the number of
     threads."""
     return config if jobs == 1 or config.threads else replace(config, threads=1)
@@ -75,50 +72,6 @@ def compute(pictures: Iterable[Picture], work: Work, jobs: int) -> Generator[Don
 def share_out(pictures: Iterable[Picture], work: Work, crew: Crew, jobs: int) -> Generator[Done, None, None]:
     """`compute` with at most `jobs` workers of the `crew`."""
     return _Pool(work, crew, jobs).run(pictures)
-
-
-@dataclass(eq=False)
-class Item:
-    """A picture in progress: its `number` in the order; `deaths`: how many workers died while processing it; `alone`:
-    no other picture may be processed at the same time."""
-
-    number: int
-    picture: Picture
-    deaths: int = 0
-    alone: bool = False
-
-
-class Worker(Protocol):
-    """A worker process or actor: `ready` once its detector is made; `items`: the pictures assigned to it, in processing
-    order."""
-
-    ready: bool
-    items: deque[Item]
-
-    def send(self, picture: Picture) -> None:
-        """Assign a picture to this worker. Raises OSError if the worker is dead."""
-
-    def dismiss(self) -> None:
-        """Request that the worker ends, even while it is busy."""
-
-    def end(self, deadline: float) -> str:
-        """Wait for the worker to end, kill it after `deadline` (time.monotonic), and return the cause of its end."""
-
-
-class Crew(Protocol):
-    """Starts workers and receives their messages. `instead`: the option to suggest if no worker can be started."""
-
-    instead: str
-
-    def start(self) -> Worker:
-        """Start a new worker, without waiting until it is ready."""
-
-    def hear(self, workers: Sequence[Any]) -> list[tuple[Any, Any]]:
-        """Wait for messages, and return (worker, message): None (it is ready), a Done of its first picture, an error or
-        LOST."""
-
-    def uninterrupted(self) -> Any:
-        """A context in which Ctrl-C is deferred."""
 
 
 class _Pool:

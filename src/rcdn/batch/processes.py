@@ -15,8 +15,8 @@ from multiprocessing import connection, get_context
 from typing import Any
 
 from rcdn import interrupts
-from rcdn.batch.pool import LOST, Item
 from rcdn.batch.work import Picture, Work
+from rcdn.batch.workers import LOST, Item
 from rcdn.children import end_with_parent
 from rcdn.errors import RcdnError
 
@@ -24,7 +24,7 @@ _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 class Process:
-    """One process; see `rcdn.batch.pool.Worker`."""
+    """One process; see `rcdn.batch.workers.Worker`."""
 
     def __init__(self, work: Work) -> None:
         context = get_context("spawn")  # fork would copy the locks of other threads: OpenCV's, ONNX Runtime's
@@ -58,7 +58,7 @@ class Process:
 
 
 class Processes:
-    """Starts processes that run `work`; see `rcdn.batch.pool.Crew`."""
+    """Starts processes that run `work`; see `rcdn.batch.workers.Crew`."""
 
     instead = "--jobs 1"
 
@@ -123,7 +123,7 @@ def _serve(pipe: Any, work: Work) -> None:
         os.environ.setdefault(name, "1")
     with contextlib.suppress(EOFError, OSError):  # the parent has ended, or has no more pictures
         try:
-            one_thread()
+            one_opencv_thread()
             work.prepare()
         except Exception as error:
             pipe.send(error if isinstance(error, RcdnError) else RcdnError(f"{type(error).__name__}: {error}"))
@@ -146,7 +146,7 @@ def _read(pipe: Any, work: Work, arrived: queue.SimpleQueue[Picture | None]) -> 
         arrived.put(None)
 
 
-def one_thread() -> None:
+def one_opencv_thread() -> None:
     """Let OpenCV use one thread only: other workers use the other cores."""
     import cv2
 

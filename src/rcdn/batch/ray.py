@@ -17,9 +17,10 @@ from importlib.util import find_spec
 from typing import Any
 
 from rcdn import __version__
-from rcdn.batch.pool import HAND, LOST, Item, share_out
-from rcdn.batch.processes import no_interrupts, one_thread
+from rcdn.batch.pool import share_out
+from rcdn.batch.processes import no_interrupts, one_opencv_thread
 from rcdn.batch.work import Done, Picture, Work
+from rcdn.batch.workers import HAND, LOST, Item
 from rcdn.errors import DependencyError, RcdnError
 from rcdn.limits import max_megapixels, set_max_megapixels
 
@@ -94,7 +95,7 @@ def _reach(address: str) -> None:
 
 
 class Actors:
-    """Starts actors that run `work`; see `rcdn.batch.pool.Crew`. `jobs` actors share `cards` GPUs."""
+    """Starts actors that run `work`; see `rcdn.batch.workers.Crew`. `jobs` actors share `cards` GPUs."""
 
     instead = "--engine local"
 
@@ -121,7 +122,7 @@ class Actors:
 
 
 class Actor:
-    """The caller's handle of an actor; see `rcdn.batch.pool.Worker`. `answers`: the pending results, in request
+    """The caller's handle of an actor; see `rcdn.batch.workers.Worker`. `answers`: the pending results, in request
     order."""
 
     def __init__(self, ray: Any, handle: Any) -> None:
@@ -176,7 +177,7 @@ class _Actor:
                 raise RcdnError(f"--engine ray: a machine of the cluster has rcdn {__version__}, this one {version}")
             _enter(folder)
             set_max_megapixels(megapixels)
-            one_thread()
+            one_opencv_thread()
             self._work.prepare()
         except RcdnError as error:
             return error

@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from rcdn.batch.behind import seen_from_behind
 from rcdn.batch.calibration_runs import BoardReader, Problem, flat
 from rcdn.batch.pairs import stems
 from rcdn.errors import CalibrationError, many
@@ -56,7 +55,7 @@ def in_step(
     out = {}
     for name, inputs in cameras.items():
         frames = tuple(sorted(m - late[name] for m in moments if m >= late[name]))
-        out[name] = seen_from_behind(reader, name, inputs, reader.gather(inputs, (frames,), silent=READ_IN_A_MIRROR))
+        out[name] = reader.seen_from_behind(name, inputs, reader.gather(inputs, (frames,), silent=READ_IN_A_MIRROR))
     return out
 
 

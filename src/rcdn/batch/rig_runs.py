@@ -7,7 +7,6 @@ from collections.abc import Collection, Mapping, Sequence
 from math import isnan
 from typing import TYPE_CHECKING
 
-from rcdn.batch.behind import seen_from_behind
 from rcdn.batch.calibration_outputs import Outputs
 from rcdn.batch.calibration_runs import BoardReader, Problem, flat, pictures_of
 from rcdn.batch.camera_files import rig_refusal, write_rig_files
@@ -110,7 +109,7 @@ def _gathered(reader: BoardReader, cameras: Mapping[str, Sequence[str]], problem
     for name, inputs in cameras.items():
         if chosen and found[name].frames != chosen:
             found[name] = reader.gather(inputs, chosen, silent=READ_IN_A_MIRROR)
-        found[name] = seen_from_behind(reader, name, inputs, found[name])
+        found[name] = reader.seen_from_behind(name, inputs, found[name])
         reader.check(found[name], problem.spacing)
     return found
 
