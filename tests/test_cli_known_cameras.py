@@ -1,4 +1,4 @@
-"""`rcdn calibrate --rig --camera`: files of lenses that are known, by name, in one file, in a folder."""
+"""`rcdn calibrate --rig --camera` and `--stereo --camera`: files of known lenses, by name, in one file, in a folder."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from rcdn.batch.known_cameras import known_cameras
+from rcdn.batch.known_cameras import known_cameras, known_pair
 from rcdn.batch.rig_runs import _and_beside_them
 from rcdn.cli import app
 from rcdn.errors import ConfigError
-from rcdn.io import write_camera, write_rig
+from rcdn.io import read_stereo_calibration, write_camera, write_rig
 from rcdn.types import Pose, Rig
 from rcdn_lab.camera_scenes import SPACING
 from rcdn_lab.rig_scenes import row
@@ -92,9 +92,49 @@ def test_a_folder_without_cameras_and_use_without_a_rig_are_refused(made):
     Path("empty").mkdir()
     with pytest.raises(ConfigError, match="no file in it holds one camera"):
         known_cameras([Path("empty")], ["left", "right"])
-    result = run("--stereo", "--camera", "rig.json")
+    result = run("--camera", "rig.json")
     assert result.exit_code == 2
-    assert "--camera names lenses that are known, for --rig" in result.stderr
+    assert "--camera names lenses that are known, for --rig and --stereo" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("files", "sides"),
+    [
+        (["lenses"], [0, 1]),
+        (["rig.json"], [0, 1]),
+        (["lenses/right.yaml"], [None, 1]),
+        (["left=lenses/right.yaml"], [1, None]),
+        (["a/camera.yaml", "b/camera.yaml"], [0, 1]),
+        (["b/camera.yaml", "a/camera.yaml"], [1, 0]),
+    ],
+)
+def test_cameras_of_a_pair_are_known_by_name_or_order(made, files, sides):
+    for folder, camera in zip("ab", made, strict=True):
+        Path(folder).mkdir()
+        write_camera(f"{folder}/camera.yaml", camera)
+    found = known_pair([Path(f) for f in files])
+    expected = [None if k is None else made[k].parameters.tolist() for k in sides]
+    assert [None if c is None else c.parameters.tolist() for c in found] == expected
+
+
+def test_a_pair_with_known_lenses(made):
+    result = run("--stereo", "--camera", "lenses", "--report", "page.html", "--json", "pair.json")
+    assert result.exit_code == 0, result.output
+    assert "left: lens as given, brown" in result.stdout
+    found = read_stereo_calibration("pair.json")
+    assert found.given == ("left", "right")
+    assert [c.camera.K.tolist() for c in (found.left, found.right)] == [c.K.tolist() for c in made]
+    page = Path("page.html").read_text()
+    assert page.count('<span class="tag">given</span>') == 2
+    again = CliRunner().invoke(app, ["report", "pair.json", "-o", "again.html"])
+    assert again.exit_code == 0, again.output
+    assert Path("again.html").read_text() == page
+
+
+def test_a_name_that_is_neither_left_nor_right_is_refused(made):
+    result = run("--stereo", "--camera", "front=lenses/right.yaml")
+    assert result.exit_code == 2
+    assert "front is no input; the inputs are left, right" in result.stderr
 
 
 def test_time_is_corrected_only_in_a_rig(made):

@@ -288,3 +288,43 @@ def test_different_boards_are_refused():
     _, right = pairs(PINHOLE, PINHOLE, 0, 4, size=(11, 8))
     with pytest.raises(CalibrationError, match="board"):
         calibrate_stereo(left, right, SPACING, model="pinhole")
+
+
+def test_lenses_that_are_given_are_held():
+    """Three pairs hardly tell two lenses, but where the cameras stand, if both are known."""
+    left, right = pairs(BROWN, BROWN, 21, 3)
+    found = calibrate_stereo(left, right, SPACING, cameras=(BROWN, BROWN))
+    assert found.given == ("left", "right")
+    for side in (found.left, found.right):
+        np.testing.assert_array_equal(side.camera.parameters, BROWN.parameters)
+        assert not side.cov[: len(BROWN.parameters), : len(BROWN.parameters)].any()
+        assert side.verdict.level in ("good", "fair")
+    assert holds(found)
+    free = calibrate_stereo(left, right, SPACING, model="brown")
+    assert (np.diag(found.cov)[3:] < 0.5 * np.diag(free.cov)[3:]).all()
+
+
+def test_the_lens_that_is_not_given_is_solved_for():
+    left, right = pairs(BROWN, PINHOLE, 22, 10)
+    found = calibrate_stereo(left, right, SPACING, cameras=(BROWN, None), model="pinhole")
+    assert found.given == ("left",)
+    np.testing.assert_array_equal(found.left.camera.parameters, BROWN.parameters)
+    assert found.right.camera.model == "pinhole"
+    assert (np.abs(found.right.camera.parameters - PINHOLE.parameters) < 4 * found.right.std).all()
+    assert (found.right.std > 0).all()
+    assert holds(found)
+
+
+def test_a_lens_that_is_not_the_camera_s_is_doubted():
+    left, right = pairs(BROWN, BROWN, 23, 8)
+    zoomed = replace(BROWN, K=BROWN.K * np.array([[1.03, 1, 1], [1, 1.03, 1], [1, 1, 1]]))
+    found = calibrate_stereo(left, right, SPACING, cameras=(zoomed, BROWN))
+    assert found.verdict.level in ("fair", "unsure", "bad")
+    assert any("Leave the camera that was given for it away" in r.action for r in found.verdict.against)
+
+
+def test_a_given_camera_of_another_size_is_refused(pair):
+    left, right, _ = pair
+    small = replace(PINHOLE, image_size=(320, 240))
+    with pytest.raises(CalibrationError, match="right camera: its pictures have 640×480 px"):
+        calibrate_stereo(left, right, SPACING, cameras=(None, small))

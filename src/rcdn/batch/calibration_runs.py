@@ -104,8 +104,8 @@ class Problem:
     """The calibration problem: the `spacing` and the lens `model`.
 
     For one camera: whether its board is `flat`, the views to `leave_out`, the parameters to `fix`, and how many
-    pictures to `select`. For a rig: the files of `cameras` whose lenses are known, and whether to correct its time
-    offsets.
+    pictures to `select`. For several cameras: the files of `cameras` whose lenses are known; for a rig, whether to
+    correct its time offsets.
     """
 
     spacing: Length | Lengths
@@ -172,11 +172,13 @@ def two_cameras(
 ) -> Verdict | None:
     """Calibrate the left and the right camera of `inputs`, print a summary, and write the outputs."""
     from rcdn.batch import camera_files
+    from rcdn.batch.known_cameras import known_pair
     from rcdn.calibration import calibrate_stereo
     from rcdn.io import write_calibration
     from rcdn.report.calibration import write_stereo_report
     from rcdn.terminal import camera_text
 
+    known = known_pair(problem.cameras)
     left = reader.gather(inputs[:1])
     right = reader.gather(inputs[1:], left.frames or None)
     reader.check(left, problem.spacing)
@@ -191,6 +193,7 @@ def two_cameras(
         names=(names, theirs),
         model=problem.model,
         size=reader.size,
+        cameras=known,
     )
     out = camera_text.left_out_lines(done.left) + camera_text.left_out_lines(done.right)
     _print_results(done, camera_text.stereo_lines(done), out)

@@ -1,4 +1,4 @@
-"""Cameras with known lenses (`rcdn calibrate --rig --camera`): which input each camera of the files belongs to."""
+"""Cameras with known lenses (`rcdn calibrate --camera`): which input each camera of the files belongs to."""
 
 from __future__ import annotations
 
@@ -14,14 +14,18 @@ from rcdn.terminal import console
 if TYPE_CHECKING:
     from rcdn.types import Camera
 
+SIDES = ("left", "right")
+"""names of the cameras of a pair"""
+
 KnownCameras = Annotated[
     list[Path] | None,
     typer.Option(
         "--camera",
         metavar="FILE",
-        help="With --rig: a camera whose lens is known and held (left.yaml is that of the input left; NAME=FILE says "
-        "it), a file of several cameras or of a rig, or a folder with a file a camera; may be given several times. "
-        "The other lenses are solved for.",
+        help="With --rig or --stereo: a camera whose lens is known and held (left.yaml is that of the input left; "
+        "NAME=FILE says it; with --stereo names are left and right, and of two files the first is the left one's), a "
+        "file of several cameras or of a rig, or a folder with a file a camera; may be given several times. The other "
+        "lenses are solved for.",
     ),
 ]
 
@@ -49,6 +53,18 @@ def known_cameras(files: Sequence[Path], names: Sequence[str]) -> dict[str, Came
             f"{', '.join(names)}: name files, or the cameras in them, as the folders or videos, or give NAME=FILE"
         )
     return found
+
+
+def known_pair(files: Sequence[Path]) -> tuple[Camera | None, Camera | None]:
+    """The left and the right camera whose lens is known, None where it isn't. They are named left and right as in
+    `known_cameras`; two files of one camera each that have other names are taken in their order."""
+    if len(files) == 2 and not any(name for name, _ in map(_name_and_file, files)):
+        one, two = (_cameras("", file) for file in files)
+        if len(one) == len(two) == 1 and not {*one, *two} & set(SIDES):
+            console.note(f"note: {files[0]} is taken for the left camera, {files[1]} for the right one")
+            return next(iter(one.values())), next(iter(two.values()))
+    found = known_cameras(files, SIDES)
+    return found.get("left"), found.get("right")
 
 
 def _name_and_file(file: Path) -> tuple[str, Path]:

@@ -20,7 +20,7 @@ from rcdn.calibration.start import poses
 from rcdn.calibration.usable import Usable, usable, with_poses
 from rcdn.calibration.verdict import Check, sentences, verdict_of
 from rcdn.errors import CalibrationError
-from rcdn.types import Array, Board, Calibration, Camera, ModelScore
+from rcdn.types import Array, Board, Calibration, Camera, ModelScore, Reason
 
 FEWEST_POSES = 1
 """fewest views: a camera with a known lens needs no more"""
@@ -36,6 +36,8 @@ CHECKS: tuple[Check, ...] = (
     fit_checks.rms,
 )
 """checks of a camera with a given lens: without those on whether its views determine a lens"""
+LENS_CHECKS = ("systematic", "smooth", "rms", "crowded")
+"""checks that a wrong lens fails"""
 
 
 def with_known_lens(
@@ -91,3 +93,13 @@ def judged_known(calibration: Calibration) -> Calibration:
     facts = measure(calibration)
     found = verdict_of([reason for check in CHECKS for reason in check(calibration, facts)])
     return replace(calibration, verdict=found, advice=sentences(found) + notes(calibration))
+
+
+def action_against(reason: Reason, given: bool) -> str:
+    """What to do about a reason against a camera; if its lens was `given` and may be the wrong one, to solve for it."""
+    if given and reason.key in LENS_CHECKS:
+        return (
+            "Leave the camera that was given for it away, so that its lens is solved for: zoom, focus or the picture "
+            "may have changed."
+        )
+    return reason.action

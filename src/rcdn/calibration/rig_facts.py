@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from rcdn.calibration.advice import judged
-from rcdn.calibration.known_lens import judged_known
+from rcdn.calibration.known_lens import action_against, judged_known
 from rcdn.calibration.limits import growth, reason
 from rcdn.calibration.rig_start import Key
 from rcdn.calibration.verdict import verdict_of
@@ -185,21 +185,14 @@ def _join(link: MissingLink) -> str:
     )
 
 
-LENS_CHECKS = ("systematic", "smooth", "rms", "crowded")
-"""checks that a wrong lens fails"""
-
-
 def _of_camera(name: str, camera: Calibration, given: bool) -> list[Reason]:
-    against = camera.verdict.against
-
-    def action(r: Reason) -> str:
-        anew = (
-            "Leave the camera that was given for it away, so that its lens is solved for: zoom, "
-            "focus or the picture may have changed."
-        )
-        return anew if given and r.key in LENS_CHECKS else r.action
-
     return [
-        replace(r, key=f"{name}.{r.key}", what=f"{name}: {r.what}", sentence=f"{name}: {r.sentence}", action=action(r))
-        for r in against
+        replace(
+            r,
+            key=f"{name}.{r.key}",
+            what=f"{name}: {r.what}",
+            sentence=f"{name}: {r.sentence}",
+            action=action_against(r, given),
+        )
+        for r in camera.verdict.against
     ]

@@ -14,6 +14,7 @@ from rcdn.calibration.calibrate import calibrate, check_arguments, names_of, wit
 from rcdn.calibration.coded import Geometries, Spacing
 from rcdn.calibration.common_model import one_model
 from rcdn.calibration.epipolar import epipolar_gaps, matches
+from rcdn.calibration.known_lens import with_known_lens
 from rcdn.calibration.labels import Size
 from rcdn.calibration.one_thread import one_thread
 from rcdn.calibration.relative_pose import FEWEST_PAIRS, determines_pose, place
@@ -26,6 +27,9 @@ from rcdn.errors import CalibrationError, ConfigError, many
 from rcdn.types import Array, Board, Calibration, Camera, StereoCalibration
 
 Names = tuple[Sequence[str], Sequence[str]]
+KnownLenses = tuple[Camera | None, Camera | None]
+"""the left and the right camera whose lens is known, None where it is solved for"""
+SIDES = ("left", "right")
 
 
 @one_thread()
@@ -38,6 +42,7 @@ def calibrate_stereo(
     names: Names | None = None,
     model: str = "auto",
     size: Size | None = None,
+    cameras: KnownLenses = (None, None),
 ) -> StereoCalibration:
     """Calibrate both cameras and the pose of the right one relative to the left, from boards that both saw at the same
     moment.
@@ -45,7 +50,9 @@ def calibrate_stereo(
     `left`, `right`: the cameras' boards, including partial ones and boards that only one camera saw (they help its
     lens). `pairs`: (index in `left`, index in `right`) of the same board at the same moment; default: equal indices.
     Only boards whose place on the whole board is known (settled labels) determine the relative pose; for a symmetric
-    board, the turn that agrees with the other pairs is taken. `names` of the images; all else as in `calibrate`.
+    board, the turn that agrees with the other pairs is taken. `names` of the images. `cameras`: (left, right) of known
+    lenses, which are held constant (as OpenCV's CALIB_FIX_INTRINSIC); None: that lens is solved for. All else as in
+    `calibrate`.
 
     Starts from each camera's own calibration, then estimates lenses, board poses, the board's shape and the relative
     pose jointly, as in `calibrate_rig`. Raises
@@ -53,7 +60,8 @@ def calibrate_stereo(
     """
     check_boards(left, "left")
     check_boards(right, "right")
-    return stereo_solution(left, right, spacing, pairs=pairs, names=names, model=model, size=size).stereo
+    found = stereo_solution(left, right, spacing, pairs=pairs, names=names, model=model, size=size, cameras=cameras)
+    return found.stereo
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,12 +85,15 @@ def stereo_solution(
     names: Names | None = None,
     model: str = "auto",
     size: Size | None = None,
+    cameras: KnownLenses = (None, None),
 ) -> StereoSolution:
     """`calibrate_stereo` with the covariance of both lenses and the relative pose together."""
     pairs = _pairs(left, right, pairs)
     if pairs and all(np.array_equal(left[a].xy, right[b].xy) for a, b in pairs):
         raise ConfigError("left and right are the same boards, corner by corner; give the other camera's pictures")
-    first, second, note = _each(left, right, spacing, pairs, names, model, size)
+    known = (cameras[0] is not None, cameras[1] is not None)
+    lenses = (cameras[0] or model, cameras[1] or model)
+    first, second, note = _each(left, right, spacing, pairs, names, lenses, size)
     shared = [p for p in pairs if determines_pose(first.views[p[0]], second.views[p[1]])]
     if len(shared) < FEWEST_PAIRS:
         some = many(len(shared), "pair shows", "pairs show")
@@ -91,13 +102,14 @@ def stereo_solution(
             "and check that the pictures are given in the same order or with the same names"
         )
     T, turned, odd = place(first, second, shared, pairs)
-    task = pair_task(first, second, [p for p in shared if p not in odd], turned)
+    task = pair_task(first, second, [p for p in shared if p not in odd], turned, known)
     shaped = (first, second)[task.shape]
     start = task.start((first, second), {0: np.eye(4), 1: T})
     fit = fitted(task.joint, start, shaped=shaped.shape is not None, spacing=shaped.spacing)
     solution = RigSolution.of(task, fit)
     _check_pairs(solution)
-    done = _result(solution, first, second, odd)
+    given = tuple(side for side, held in zip(SIDES, known, strict=True) if held)
+    done = replace(_result(solution, first, second, odd), given=given)
     judged = judged_stereo(replace(done, advice=(*done.advice, note)) if note else done)
     end = solution.places.stop
     mine = [*range(end), *range(len(solution.cov) - 6, len(solution.cov))]
@@ -111,21 +123,21 @@ def _each(
     spacing: Spacing,
     pairs: Sequence[tuple[int, int]],
     names: Names | None,
-    model: str,
+    lenses: tuple[str | Camera, str | Camera],
     size: Size | None,
 ) -> tuple[Calibration, Calibration, str]:
-    """The calibration of each camera alone, of one lens model where `auto` may choose and both see alike; and a note on
-    that choice, or ""."""
+    """The calibration of each camera alone with its lens model or known lens, of one lens model where `auto` may choose
+    and both see alike; and a note on that choice, or ""."""
     named = names or (None, None)
-    of = _common(left, right, spacing, size) or spacing
-    first = _alone(0, left, of, named[0], model, size)
-    second = _alone(1, right, of, named[1], model, size or first.size)
+    of = _common(left, right, spacing, size, any(isinstance(lens, Camera) for lens in lenses)) or spacing
+    first = _alone(0, left, of, named[0], lenses[0], size)
+    second = _alone(1, right, of, named[1], lenses[1], size or first.size)
     if first.size != second.size:
         raise CalibrationError(
             f"the cameras saw different boards ({_text(first.size)} left, {_text(second.size)} right): "
             "name the size to use"
         )
-    if model != "auto":
+    if lenses != ("auto", "auto"):
         return first, second, ""
     boards, whole = (left, right), size or first.size
     return one_model(
@@ -133,11 +145,13 @@ def _each(
     )
 
 
-def _common(left: Sequence[Board], right: Sequence[Board], spacing: Spacing, size: Size | None) -> Geometries | None:
+def _common(
+    left: Sequence[Board], right: Sequence[Board], spacing: Spacing, size: Size | None, known: bool
+) -> Geometries | None:
     """The targets that both cameras saw, so that a corner has the same label in both; None if no board's codes were
-    read."""
+    read and no lens is `known`."""
     both = [*left, *right]
-    return Geometries.of(both, spacing, size) if any(b.target is not None for b in both) else None
+    return Geometries.of(both, spacing, size) if known or any(b.target is not None for b in both) else None
 
 
 def _alone(
@@ -145,18 +159,20 @@ def _alone(
     boards: Sequence[Board],
     of: Spacing | Geometries,
     names: Sequence[str] | None,
-    model: str,
+    lens: str | Camera,
     size: Size | None,
 ) -> Calibration:
-    """The calibration of the left (0) or the right (1) camera alone, from boards of a spacing or of known geometries;
-    errors name the camera."""
+    """The calibration of the left (0) or the right (1) camera alone with a lens model or a known lens, from boards of a
+    spacing or of known geometries; errors name the camera."""
     try:
         if not isinstance(of, Geometries):
-            return calibrate(boards, of, names=names, model=model, size=size)
-        check_arguments(boards, names, model, size)
-        return with_geometries(boards, of, names_of(boards, names), model)
+            return calibrate(boards, of, names=names, model=str(lens), size=size)
+        check_arguments(boards, names, lens if isinstance(lens, str) else "auto", size)
+        if isinstance(lens, Camera):
+            return with_known_lens(boards, of, names_of(boards, names), lens)
+        return with_geometries(boards, of, names_of(boards, names), lens)
     except CalibrationError as error:
-        raise CalibrationError(f"{('left', 'right')[side]} camera: {error}") from error
+        raise CalibrationError(f"{SIDES[side]} camera: {error}") from error
 
 
 def _text(size: Size | None) -> str:
@@ -180,17 +196,21 @@ def _pairs(
 
 
 def pair_task(
-    first: Calibration, second: Calibration, pairs: Sequence[tuple[int, int]], turned: Mapping[int, int]
+    first: Calibration,
+    second: Calibration,
+    pairs: Sequence[tuple[int, int]],
+    turned: Mapping[int, int],
+    known: tuple[bool, bool] = (False, False),
 ) -> RigTask:
     """The joint problem of both calibrations as that of a rig of two: `pairs` of their views are of the same board at
-    the same moment; `turned`: quarter turns of the right views' labels."""
+    the same moment; `turned`: quarter turns of the right views' labels; `known`: whether each lens is held constant."""
     alone = (first, second)
     when = [[f"{'lr'[c]}{k}" for k in range(len(each.views))] for c, each in enumerate(alone)]
     for a, b in pairs:
         when[1][b] = when[0][a]
     sights: list[dict[Key, int]] = [{(when[c][pair[c]], 0): pair[c] for pair in pairs} for c in (0, 1)]
     turns = {key: turned[b] for key, b in sights[1].items()}
-    return RigTask.of_two((0, 1), alone, sights, turns, when, (False, False))
+    return RigTask.of_two((0, 1), alone, sights, turns, when, known)
 
 
 def _check_pairs(solution: RigSolution) -> None:
@@ -207,7 +227,7 @@ def _result(
     solution: RigSolution, first: Calibration, second: Calibration, odd: list[tuple[int, int]]
 ) -> StereoCalibration:
     task, fit, T = solution.task, solution.fit, solution.fit.state.rig[1]
-    left, right = solution.cameras((first, second), solution.rig(("left", "right")))
+    left, right = solution.cameras((first, second), solution.rig(SIDES))
     left, right = (_paired(task, c, calibration) for c, calibration in enumerate((left, right)))
     rectified = _rectify(left.camera, right.camera, T)
     advice = _odd_pairs([f"{first.views[a].name} and {second.views[b].name}" for a, b in odd])

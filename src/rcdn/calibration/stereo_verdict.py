@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from rcdn.calibration.advice import judged, notes
+from rcdn.calibration.known_lens import action_against, judged_known
 from rcdn.calibration.limits import growth, reason
 from rcdn.calibration.verdict import judge, sentences, verdict_of
 from rcdn.errors import many
@@ -16,7 +17,8 @@ from rcdn.types import Calibration, Reason, StereoCalibration, Verdict
 def judge_stereo(stereo: StereoCalibration) -> Verdict:
     """The verdict on a pair: its own checks, then the reasons against each camera."""
     sides = (("left", stereo.left), ("right", stereo.right))
-    return verdict_of([*_pair_reasons(stereo), *(r for name, c in sides for r in _of_camera(name, c))])
+    of_cameras = (r for name, c in sides for r in _of_camera(name, c, name in stereo.given))
+    return verdict_of([*_pair_reasons(stereo), *of_cameras])
 
 
 def judged_stereo(stereo: StereoCalibration) -> StereoCalibration:
@@ -27,7 +29,10 @@ def judged_stereo(stereo: StereoCalibration) -> StereoCalibration:
     sides = ("Left", stereo.left), ("Right", stereo.right)
     of_cameras = {f"{name}: {text}" for name, camera in sides for text in camera.advice}
     of_pairs = tuple(text for text in stereo.advice if text not in of_cameras)
-    left, right = judged(stereo.left), judged(stereo.right)
+    left, right = (
+        judged_known(c) if name in stereo.given else judged(c)
+        for name, c in (("left", stereo.left), ("right", stereo.right))
+    )
     done = replace(stereo, left=left, right=right)
     verdict = judge_stereo(done)
     noted = [f"{name}: {text}" for name, c in (("Left", left), ("Right", right)) for text in notes(c)]
@@ -73,14 +78,15 @@ def _pair_reasons(stereo: StereoCalibration) -> list[Reason]:
     ]  # fmt: skip
 
 
-def _of_camera(name: str, camera: Calibration) -> list[Reason]:
-    verdict = camera.verdict if camera.verdict.judged else judge(camera)
+def _of_camera(name: str, camera: Calibration, given: bool) -> list[Reason]:
+    verdict = camera.verdict if camera.verdict.judged else (judged_known(camera).verdict if given else judge(camera))
     return [
         replace(
             r,
             key=f"{name}.{r.key}",
             what=f"{name.capitalize()}: {r.what}",
             sentence=f"{name.capitalize()}: {r.sentence}",
+            action=action_against(r, given),
         )
         for r in verdict.against
     ]

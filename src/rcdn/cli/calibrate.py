@@ -136,9 +136,10 @@ def calibrate(
                 "--fix-aspect and --fix-principal-point": fix,
             },
         )
-    if camera and not rig:
+    if camera and not (rig or stereo):
         raise ConfigError(
-            "--camera names lenses that are known, for --rig; boards before one known camera are placed by `rcdn pose`"
+            "--camera names lenses that are known, for --rig and --stereo; boards before one known camera are placed "
+            "by `rcdn pose`"
         )
     for name, given in (("--correct-time", correct_time), ("--fixed-boards", fixed_boards)):
         if given and not rig:

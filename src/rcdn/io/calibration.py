@@ -9,7 +9,7 @@ import numpy as np
 
 from rcdn.errors import FormatError, shown
 from rcdn.io.cameras import ours
-from rcdn.io.fields import located, nullable, number, numbers, read_text, rigid, take, two_whole_numbers
+from rcdn.io.fields import located, names_of, nullable, number, numbers, read_text, rigid, take, two_whole_numbers
 from rcdn.io.files import write_text
 from rcdn.types import (
     LEVELS,
@@ -67,8 +67,9 @@ def read_stereo_calibration(path: str | Path) -> StereoCalibration:
     rms, epipolar = known(data, "rms", where), known(data, "epipolar", where)
     cov = _covariance(data, where, 6)
     advice = _texts(data, "advice", where)
-    verdict = verdict_of(data, where)
-    return StereoCalibration(left, right, T, cov, rms, epipolar, R_left, R_right, P_left, P_right, Q, advice, verdict)
+    rectified = (R_left, R_right, P_left, P_right, Q)
+    given = names_of(data.get("given", []), f"{where}: given")
+    return StereoCalibration(left, right, T, cov, rms, epipolar, *rectified, advice, verdict_of(data, where), given)
 
 
 def read_calibrations(path: str | Path) -> dict[str, Calibration]:
@@ -118,6 +119,7 @@ def _stereo_record(found: StereoCalibration) -> dict[str, Any]:
         "rms": nullable(found.rms),
         "epipolar": nullable(found.epipolar),
         "baseline": nullable(found.baseline),
+        "given": list(found.given),
         "reasons": [reason_record(r) for r in found.verdict.reasons],
         "advice": list(found.advice),
         "cov": nullable(found.cov),

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from rcdn.errors import FormatError, RcdnError
+from rcdn.errors import FormatError, RcdnError, shown
 from rcdn.types import Array
 from rcdn.types.arrays import Real
 from rcdn.types.ranges import LARGEST, SIDE
@@ -156,3 +156,10 @@ def _has_shape(value: Any, shape: tuple[int, ...]) -> bool:
 
 def _refuse_constant(name: str) -> float:
     raise ValueError(f"{name} is not a JSON number")
+
+
+def names_of(values: Any, where: str) -> tuple[str, ...]:
+    """A list of names. Raises FormatError for anything else."""
+    if not isinstance(values, list) or not all(isinstance(v, str) for v in values):
+        raise FormatError(f"{where} must be a list of names, not {shown(values)}")
+    return tuple(values)

@@ -5,10 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from rcdn.errors import FormatError, shown
 from rcdn.io.calibration import calibration_of, calibration_record, known, load_kind, reason_record, verdict_of
 from rcdn.io.cameras import ours
-from rcdn.io.fields import located, nullable, numbers, rigid, take
+from rcdn.io.fields import located, names_of, nullable, numbers, rigid, take
 from rcdn.io.files import write_text
 from rcdn.io.rig_files import rig_of_record, rig_record
 from rcdn.types import Array, FixedBoard, MissingLink, RigCalibration, RigPair, TimeShift
@@ -65,13 +64,13 @@ def read_rig_calibration(path: str | Path) -> RigCalibration:
             boards=dict(_board(r, at) for at, r in _records(data, "boards", where)),
             rms=known(data, "rms", where),
             pairs=tuple(_pair(r, at) for at, r in _records(data, "pairs", where)),
-            components=tuple(_names(part, f"{where}: components") for part in take(data, "components", list, where)),
+            components=tuple(names_of(part, f"{where}: components") for part in take(data, "components", list, where)),
             links=tuple(_link(r, at) for at, r in _records(data, "links", where)),
-            thin=_names(data.get("thin"), f"{where}: thin"),
+            thin=names_of(data.get("thin"), f"{where}: thin"),
             shifts=shifts,
             verdict=verdict_of(data, where),
-            given=_names(data.get("given"), f"{where}: given"),
-            corrected=_names(data.get("corrected"), f"{where}: corrected"),
+            given=names_of(data.get("given"), f"{where}: given"),
+            corrected=names_of(data.get("corrected"), f"{where}: corrected"),
             fixed_boards=tuple(_fixed(r, at) for at, r in _records(data, "fixed_boards", where)),
         )
 
@@ -80,12 +79,6 @@ def _records(data: Any, key: str, where: str) -> list[tuple[str, Any]]:
     """The objects of a list, each with the place for messages; [] if a file of an earlier version has no such list."""
     every = take(data, key, list, where) if key in data else []
     return [(f"{where}: {key}[{k}]", record) for k, record in enumerate(every)]
-
-
-def _names(values: Any, where: str) -> tuple[str, ...]:
-    if not isinstance(values, list) or not all(isinstance(v, str) for v in values):
-        raise FormatError(f"{where} must be a list of names, not {shown(values)}")
-    return tuple(values)
 
 
 def _board(record: Any, where: str) -> tuple[tuple[str, int], Array]:

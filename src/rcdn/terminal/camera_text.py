@@ -126,8 +126,10 @@ def stereo_lines(stereo: StereoCalibration) -> list[str]:
         else "no corner seen by both"
     )
     return [
-        "left: " + camera_lines(stereo.left)[0],
-        "right: " + camera_lines(stereo.right)[0],
+        *(
+            f"{side}: {'lens as given, ' if side in stereo.given else ''}{camera_lines(c)[0]}"
+            for side, c in (("left", stereo.left), ("right", stereo.right))
+        ),
         f"baseline {stereo.baseline:.5f} m, cameras turned by {turn:.3f}°; T_right_left: t = ({place}) m",
         f"RMS {stereo.rms:.3f} px, {rows}",
     ]

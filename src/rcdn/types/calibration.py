@@ -229,7 +229,7 @@ class StereoCalibration(Value):
     error of both, px; `epipolar` root mean square distance of the corners from their epipolar lines, px, over both
     pictures (NaN if no corner was seen by both). Rectification, with OpenCV's names: `R_left`, `R_right` (3, 3),
     `P_left`, `P_right` (3, 4), `Q` (4, 4). `advice` and `verdict` as in `Calibration`, for the pair and for each
-    camera.
+    camera. `given`: of `left` and `right` those whose lens was given and held constant.
     """
 
     left: Calibration
@@ -245,6 +245,7 @@ class StereoCalibration(Value):
     Q: Array
     advice: tuple[str, ...] = ()
     verdict: Verdict = NOT_JUDGED
+    given: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         shapes = {"T_right_left": 4, "cov": 6, "R_left": 3, "R_right": 3, "P_left": 4, "P_right": 4, "Q": 4}

@@ -71,7 +71,7 @@ def report(stereo: StereoCalibration, left: Pictures | None, right: Pictures | N
         "places": relative.places(stereo),
         "pairs": {"drawing": _bars(stereo, gaps), "rows": _rows(stereo, gaps)},
         "rectified": rectified_pair(stereo, gaps, left, right),
-        "lenses": [numbers.lens(c, name[0], f"{name} camera") for name, c, _, _ in both],
+        "lenses": [numbers.lens(c, name[0], f"{name} camera", name.lower() in stereo.given) for name, c, _, _ in both],
         "cameras": [sections.drawings(c, facts, name[0], f", {name.lower()}") for name, c, _, facts in both],
     }
 
