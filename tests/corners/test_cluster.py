@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from rcdn.config import Cluster
+from rcdn.corners import cluster
 from rcdn.corners.cluster import cluster_mask, kmeans
 
 GRID = np.stack(np.meshgrid(np.arange(9), np.arange(6)), axis=-1).reshape(-1, 2) * 30.0 + 200
@@ -48,3 +49,26 @@ def test_kmeans_finds_separate_blobs():
     truth = np.repeat(np.arange(10), 12)
     label = kmeans(centres[truth] + rng.normal(0, 2, (120, 2)), 10, seed=0)
     assert len({(a, b) for a, b in zip(truth, label, strict=True)}) == 10
+
+
+def plain_seeding(xy, k, rng):
+    """k-means++ as first published: each next centre is one point, drawn by squared distance."""
+    picks = [int(rng.integers(len(xy)))]
+    while len(picks) < k:
+        nearest = ((xy[:, None] - xy[picks]) ** 2).sum(axis=2).min(axis=1)
+        picks.append(int(rng.choice(len(xy), p=nearest / nearest.sum())))
+    return xy[picks]
+
+
+def test_greedy_seeding_leads_to_better_optima(monkeypatch):
+    rng = np.random.default_rng(5)
+    boards = [GRID @ rng.normal(0, 1, (2, 2)) + rng.normal(0, 0.5, GRID.shape) for _ in range(40)]
+
+    def spread(xy):
+        label = kmeans(xy, 10, seed=0)
+        return sum(float(((xy[label == k] - xy[label == k].mean(axis=0)) ** 2).sum()) for k in np.unique(label))
+
+    greedy = [spread(xy) for xy in boards]
+    monkeypatch.setattr(cluster, "_plus_plus", plain_seeding)
+    plain = [spread(xy) for xy in boards]
+    assert np.exp(np.mean(np.log(greedy) - np.log(plain))) < 0.996

@@ -19,7 +19,9 @@ def cluster_mask(xy: Shaped[Array, "n 2"], rule: Cluster) -> Array:
 
     Paper section 3.3: k-means++ on the positions; candidates far from the board form small clusters of their own. All
     stay if there are fewer than `rule.least`. The best of ten initialisations is used, drawn with the seed `rule.seed`,
-    so that the result depends only on the input. Known weakness: a true corner in a small cluster is dropped, too.
+    so that the result depends only on the input. Seeding is greedy, as in scikit-learn, which the authors' code calls:
+    plain k-means++ ends in worse optima, in which two corners of a board may be a cluster of their own. Known weakness:
+    a true corner in a small cluster is dropped, too.
     """
     if len(xy) < rule.least or len(xy) == 0:
         return np.ones(len(xy), bool)
@@ -39,12 +41,16 @@ def _squared(xy: Array, centres: Array) -> Array:
 
 
 def _plus_plus(xy: Array, k: int, rng: np.random.Generator) -> Array:
-    """k-means++ seeding (Arthur and Vassilvitskii 2007): each next centre is drawn by squared distance."""
+    """k-means++ seeding (Arthur and Vassilvitskii 2007), greedy: each next centre is the best of a few points that are
+    drawn by squared distance, the one that leaves the smallest sum of squares."""
     picks = [int(rng.integers(len(xy)))]
     nearest = _squared(xy, xy[picks])[:, 0]
     while len(picks) < k and nearest.sum() > 0:  # zero if every distinct point is already a centre
-        picks.append(int(rng.choice(len(xy), p=nearest / nearest.sum())))
-        nearest = np.minimum(nearest, _squared(xy, xy[picks[-1:]])[:, 0])
+        drawn = rng.choice(len(xy), size=2 + int(np.log(k)), p=nearest / nearest.sum())
+        left = np.minimum(nearest[:, None], _squared(xy, xy[drawn]))
+        best = int(left.sum(axis=0).argmin())
+        picks.append(int(drawn[best]))
+        nearest = left[:, best]
     return xy[picks]
 
 
