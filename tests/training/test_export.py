@@ -22,7 +22,7 @@ from rcdn.training import quantise
 from rcdn.training.config import TrainConfig
 from rcdn.training.export import export, folded, load_run, parity, provenance, to_onnx
 from rcdn.training.loss import ACTIVATION
-from rcdn.training.net import build
+from rcdn.training.net import _of_onnx, build
 
 KINDS = {"A": ("paper", "minmax"), "D-3": ("squared", "minmax"), "F": ("safe", "minmax"), "Q": ("heatmap", "local")}
 CROP = random_crop(11, 112)[0][:97, :110]
@@ -128,6 +128,68 @@ def test_the_curve_of_a_run_is_beside_its_weights(run_folder, tmp_path):
     (run_folder / "metrics.csv").write_text("step,loss,seconds,f1\n2,0.75,1.5,0.25\n3,0.5,2.5,0.5\n")
     facts, _ = export(run_folder, tmp_path / "net.onnx")
     assert facts["curve"] == [[2, 0.75, 0.25], [3, 0.5, 0.5]]
+
+
+@pytest.fixture
+def grown_runs(tmp_path, monkeypatch):
+    """Three runs of network A that grew from one network, with other weights each; no validation."""
+    monkeypatch.setattr(module, "validate", lambda net, config: {"f1": float(config.seed)})
+    folders = []
+    for seed in (1, 2, 3):
+        torch.manual_seed(seed)
+        folder = tmp_path / f"run{seed}"
+        folder.mkdir()
+        config = TrainConfig("x", "A", "safe", teacher="e", seed=seed, background=float(seed))
+        report = {"config": dataclasses.asdict(config), "metrics": {"step": 3, "f1": 0.5 + seed}, "commit": f"c{seed}"}
+        (folder / "run.json").write_text(json.dumps(report | {"machine": "m"}))
+        state = build("A").state_dict()
+        torch.save({"model": state, "ema": state}, folder / "last.pt")
+        folders.append(folder)
+    return folders
+
+
+def test_several_runs_give_the_mean_of_their_weights(grown_runs, tmp_path):
+    facts, _ = export(grown_runs, tmp_path / "mean.onnx")
+    states = [torch.load(f / "last.pt", weights_only=True)["ema"] for f in grown_runs]
+    for name, values in _of_onnx(tmp_path / "mean.onnx").items():
+        np.testing.assert_allclose(values, sum(s[name] for s in states) / 3, rtol=1e-6, atol=1e-8)
+    assert facts["metrics"] == {"step": 3, "f1": 1.0}  # of the mean
+    assert [(r["seed"], r["background"], r["commit"], r["metrics"]["f1"]) for r in facts["runs"]] == [
+        (1, 1.0, "c1", 1.5),
+        (2, 2.0, "c2", 2.5),
+        (3, 3.0, "c3", 3.5),
+    ]
+    assert export(grown_runs[:1], tmp_path / "one.onnx")[0]["metrics"]["f1"] == 1.5
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ({"architecture": "D"}, "one architecture, not A, D"),
+        ({"teacher": "other"}, "one teacher, not e, other"),
+        ({"normalisation": "local"}, "one normalisation"),
+    ],
+)
+def test_runs_that_have_no_mean_are_refused(grown_runs, tmp_path, change, text):
+    report = json.loads((grown_runs[1] / "run.json").read_text())
+    report["config"] |= change
+    (grown_runs[1] / "run.json").write_text(json.dumps(report))
+    if "architecture" in change:
+        torch.save({"ema": build("D").state_dict()}, grown_runs[1] / "last.pt")
+    with pytest.raises(ConfigError, match=text):
+        export(grown_runs, tmp_path / "mean.onnx")
+
+
+@pytest.mark.parametrize(("change", "text"), [({"teacher": ""}, "grew from one"), ({"batch_norm": True}, "without batch")])
+def test_runs_from_nothing_or_with_statistics_have_no_mean(grown_runs, tmp_path, change, text):
+    for folder in grown_runs:
+        report = json.loads((folder / "run.json").read_text())
+        report["config"] |= change
+        (folder / "run.json").write_text(json.dumps(report))
+        if "batch_norm" in change:
+            torch.save({"ema": build("A", True).state_dict()}, folder / "last.pt")
+    with pytest.raises(ConfigError, match=text):
+        export(grown_runs, tmp_path / "mean.onnx")
 
 
 @pytest.mark.parametrize("gap", [2e-4, float("nan")])

@@ -11,13 +11,21 @@ from rcdn.errors import ConfigError
 
 
 def export(
-    run: Annotated[
-        Path, typer.Argument(metavar="RUN_DIR", help="The folder of a run of `rcdn train`, or an exported .onnx file.")
+    runs: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="RUN_DIR...",
+            help="The folder of a run of `rcdn train`, several that grew from one network, whose weights are averaged, "
+            "or an exported .onnx file.",
+        ),
     ],
     output: Annotated[
         Path | None,
         typer.Option(
-            "--output", "-o", metavar="FILE.onnx", help="Where to write; a .json goes beside it. Default: in RUN_DIR."
+            "--output",
+            "-o",
+            metavar="FILE.onnx",
+            help="Where to write; a .json goes beside it. Default: in RUN_DIR, the first one.",
         ),
     ] = None,
 ) -> None:
@@ -28,7 +36,10 @@ def export(
     network does on 100 pictures of the validation set. Of an exported .onnx file only that is made anew. Needs: pip
     install 'rcdn[train]'.
     """
-    if run.is_file():
+    run = runs[0]
+    if any(each.is_file() for each in runs):
+        if len(runs) > 1:
+            raise ConfigError("export: several networks are averaged from the folders of their runs; name these")
         if output is not None:
             raise ConfigError("export: the 8-bit weights of an exported network go beside it: leave --output out")
         from rcdn.training.quantise import store
@@ -41,9 +52,11 @@ def export(
     from rcdn.training.export import export as write
 
     target = output or run / f"{run.resolve().name}.onnx"
-    facts, gap = write(run, target)
+    facts, gap = write(runs, target)
     metrics = facts["metrics"]
     typer.echo(f"wrote {target} and {target.with_suffix('.json').name}")
+    if len(runs) > 1:
+        typer.echo(f"the mean of the weights of {len(runs)} runs")
     typer.echo(f"network {facts['architecture']}, {facts['parameters']:,} parameters, {metrics['step']:,} steps")
     typer.echo(f"F1 {metrics['f1']} on the validation set")
     typer.echo(f"largest difference between torch and ONNX Runtime: {gap:.1e} (at most {PARITY:.0e} is accepted)")

@@ -27,11 +27,13 @@ from rcdn.errors import ConfigError, RcdnError
 from rcdn.io import write_bytes, write_text
 from rcdn.provenance import commit
 from rcdn.synthetic import HARD, PRESETS, random_crop, random_scene, render
+from rcdn.training.config import TrainConfig
 from rcdn.training.loss import ACTIVATION
 from rcdn.training.machine import machine
 from rcdn.training.net import ARCHITECTURES, Architecture, CornerNet, folded, load_run, parameter_count
 from rcdn.training.quantise import quantised, sidecar_text
-from rcdn.training.validate import torch_response
+from rcdn.training.samples import PoolConfig
+from rcdn.training.validate import torch_response, validate
 from rcdn.types import Array
 
 OPSET = 17
@@ -142,18 +144,52 @@ def response_model(net: CornerNet, data: bytes, facts: dict[str, Any]) -> Respon
     return ResponseModel(data, facts["training"]["normalisation"], arch.margins, arch.cell, facts)
 
 
-def export(run: Path, target: Path) -> tuple[dict[str, Any], float]:
-    """Write `target` (.onnx), its .json, and, for a network that the compiled kernel supports, its 8-bit weights
-    (.npz); returns the provenance and the largest difference from torch.
+def mean_run(runs: Sequence[Path]) -> tuple[CornerNet, dict[str, Any]]:
+    """The network whose weights are the mean of those of `runs`, which differ in their seeds or losses but grew from
+    one network (Wortsman et al. 2022, "Model soups"); and the content of the first run's `run.json`, with the metrics
+    of the mean, and for each run its `seed`, `background`, `metrics`, `commit` and `curve` in `runs`.
 
-    Raises RcdnError, and writes nothing, if `run` holds no trained network, if that difference is above 1e-4, or if the
+    Raises ConfigError if the networks are of different kinds or beginnings, or have batch normalisation, whose
+    statistics don't average.
+    """
+    nets, reports = zip(*map(load_run, runs), strict=True)
+    for key in ("architecture", "normalisation", "loss", "start", "teacher"):
+        if len(found := {str(r["config"].get(key, "")) for r in reports}) > 1:
+            raise ConfigError(f"export: the mean needs runs with one {key}, not {', '.join(sorted(found))}")
+    config = reports[0]["config"]
+    if config.get("batch_norm") is True or ARCHITECTURES[config["architecture"]].batch_norm:
+        raise ConfigError("export: the mean needs networks without batch normalisation; export each run alone")
+    if not (config.get("start") or config.get("teacher")):
+        raise ConfigError("export: the mean needs runs that grew from one network, by `teacher` or `start`")
+    net = nets[0]
+    with torch.no_grad():
+        for each in zip(*(n.parameters() for n in nets), strict=True):
+            each[0].copy_(torch.stack(each).double().mean(dim=0))
+    step = {"step": reports[0]["metrics"]["step"]}
+    metrics = step | validate(net, TrainConfig(**config | {"pool": PoolConfig(**config["pool"])}))
+    about = [
+        {"seed": r["config"]["seed"], "background": r["config"].get("background", 1.0), "metrics": r["metrics"]}
+        | {"commit": r.get("commit")}
+        | curve(run)
+        for r, run in zip(reports, runs, strict=True)
+    ]
+    return net, reports[0] | {"metrics": metrics, "runs": about}
+
+
+def export(runs: Path | Sequence[Path], target: Path) -> tuple[dict[str, Any], float]:
+    """Write `target` (.onnx), its .json, and, for a network that the compiled kernel supports, its 8-bit weights
+    (.npz); returns the provenance and the largest difference from torch. Of several runs, the mean of their weights
+    (`mean_run`).
+
+    Raises RcdnError, and writes nothing, if a run holds no trained network, if that difference is above 1e-4, or if the
     responses with the 8-bit weights differ too much from the network's (`quantise.BOUNDS`).
     """
     if target.suffix != ".onnx":
         raise ConfigError(f"export: the name of the file must end in .onnx, not {target}")
-    net, report = load_run(run)
+    several = [runs] if isinstance(runs, Path) else list(runs)
+    net, report = load_run(several[0]) if len(several) == 1 else mean_run(several)
     data = to_onnx(net, ACTIVATION[report["config"]["loss"]]).SerializeToString()
-    facts = provenance(report, net, data) | curve(run)
+    facts = provenance(report, net, data) | (curve(several[0]) if len(several) == 1 else {"runs": report["runs"]})
     if CellNetwork.fits(read_graph(data)) and not facts["training"]["pool"]["ranges"].startswith("deltille"):
         # with 8-bit weights the deltille network has one additional false positive in 100 pictures of clutter
         layers = [(*folded(b), s) for b, (_, _, s) in zip(net.blocks, net.architecture.layers, strict=True)]
