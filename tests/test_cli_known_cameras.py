@@ -112,9 +112,36 @@ def test_cameras_of_a_pair_are_known_by_name_or_order(made, files, sides):
     for folder, camera in zip("ab", made, strict=True):
         Path(folder).mkdir()
         write_camera(f"{folder}/camera.yaml", camera)
-    found = known_pair([Path(f) for f in files])
+    found = known_pair([Path(f) for f in files], ["cam1", "cam0"])
     expected = [None if k is None else made[k].parameters.tolist() for k in sides]
     assert [None if c is None else c.parameters.tolist() for c in found] == expected
+
+
+def test_files_with_the_names_of_the_inputs_are_theirs(made):
+    write_camera("cam0.yaml", made[0])
+    write_camera("cam1.yaml", made[1])
+    found = known_pair([Path("cam0.yaml"), Path("cam1.yaml")], ["cam1", "cam0"])
+    assert [c.parameters.tolist() for c in found] == [made[1].parameters.tolist(), made[0].parameters.tolist()]
+    left, right = known_pair([Path("cam0.yaml")], ["cam1", "cam0"])
+    assert left is None
+    assert right.parameters.tolist() == made[0].parameters.tolist()
+
+
+@pytest.mark.parametrize("given", ["lenses", "left=lenses/right.yaml", "lenses/right.yaml"])
+def test_a_known_camera_is_not_overwritten(made, given):
+    before = Path("lenses/right.yaml").read_bytes()
+    result = run("--stereo", "--camera", given, "-o", "lenses/right.yaml")
+    assert result.exit_code == 2
+    assert "would overwrite an input" in result.stderr
+    assert Path("lenses/right.yaml").read_bytes() == before
+
+
+def test_what_a_format_cant_hold_of_a_known_lens_is_told_before_the_work(made):
+    result = run("--stereo", "--camera", "lenses", "-o", "camchain.yaml")
+    assert result.exit_code == 1
+    assert "camchain.yaml can't be written" in result.stderr
+    result = run("--stereo", "--model", "rational", "--camera", "lenses", "-o", "opencv.yaml")
+    assert result.exit_code == 0, result.output
 
 
 def test_a_pair_with_known_lenses(made):

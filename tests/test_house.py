@@ -52,14 +52,17 @@ def test_imports_go_only_down():
 
 def imports_of_modules(folder):
     """Which modules of the packages in `folder` each of them imports, also within functions and for types only."""
-    files = {".".join(f.relative_to(folder).with_suffix("").parts): f for f in folder.rglob("*.py")}
+    files = {
+        ".".join(f.relative_to(folder).with_suffix("").parts).removesuffix(".__init__"): f for f in folder.rglob("*.py")
+    }
     graph = {}
     for name, file in files.items():
         taken = set()
         for node in ast.walk(ast.parse(file.read_text())):
             if isinstance(node, ast.Import):
                 taken |= {a.name for a in node.names}
-            elif isinstance(node, ast.ImportFrom) and node.module:
+            elif isinstance(node, ast.ImportFrom):
+                assert node.level == 0, f"{name}: a relative import"
                 of = {f"{node.module}.{a.name}" for a in node.names}
                 taken |= of & set(files) or {node.module}
         graph[name] = (taken & set(files)) - {name}

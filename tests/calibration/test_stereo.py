@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 import rcdn
 from rcdn.calibration import calibrate_rig, calibrate_stereo
 from rcdn.calibration.relative_pose import reversed_in_a_mirror, turn_labels
-from rcdn.errors import CalibrationError, ConfigError
+from rcdn.errors import CalibrationError, ConfigError, RcdnError
 from rcdn.geometry import rotation, unproject
 from rcdn.terminal.camera_text import swapped_hint
 from rcdn_lab.camera_scenes import CAMERAS, SPACING, board, detected, random_pose, see
@@ -320,7 +320,11 @@ def test_a_lens_that_is_not_the_camera_s_is_doubted():
     zoomed = replace(BROWN, K=BROWN.K * np.array([[1.03, 1, 1], [1, 1.03, 1], [1, 1, 1]]))
     found = calibrate_stereo(left, right, SPACING, cameras=(zoomed, BROWN))
     assert found.verdict.level in ("fair", "unsure", "bad")
-    assert any("Leave the camera that was given for it away" in r.action for r in found.verdict.against)
+    assert any("Calibrate without the given lens" in r.action for r in found.verdict.against)
+    for verdict in (found.left.verdict, found.verdict):  # and nothing else is recommended against its residuals
+        actions = {r.key.removeprefix("left."): r.action for r in verdict.against}
+        assert all("without the given lens" in actions[key] for key in ("systematic", "rms") if key in actions)
+    assert not any("Try another lens model" in text for text in (*found.left.advice, *found.advice))
 
 
 def test_a_given_camera_of_another_size_is_refused(pair):
@@ -328,3 +332,33 @@ def test_a_given_camera_of_another_size_is_refused(pair):
     small = replace(PINHOLE, image_size=(320, 240))
     with pytest.raises(CalibrationError, match="right camera: its pictures have 640×480 px"):
         calibrate_stereo(left, right, SPACING, cameras=(None, small))
+
+
+@pytest.mark.parametrize("cameras", [(None, None), (BROWN, None), (BROWN, BROWN)])
+def test_boards_of_another_size_are_left_out_where_the_size_is_named(cameras):
+    left, right = pairs(BROWN, BROWN, 24, 8)
+    larger = pairs(BROWN, BROWN, 26, 3, size=(11, 8))
+    both = left + larger[0], right + larger[1]
+    found = calibrate_stereo(*both, SPACING, cameras=cameras, model="brown", size=(9, 6))
+    for side in (found.left, found.right):
+        assert [len(v) for v in side.left_out] == [88] * 3
+        assert all(len(v) == 54 for v in side.used_views)
+
+
+@pytest.mark.parametrize("cameras", [None, (BROWN,), (BROWN, BROWN, None), ("left.yaml", None), {"left": BROWN}])
+def test_lenses_that_are_no_pair_are_refused(pair, cameras):
+    left, right, _ = pair
+    with pytest.raises(ConfigError, match=r"cameras must be \(left, right\)"):
+        calibrate_stereo(left, right, SPACING, cameras=cameras)
+
+
+def test_a_model_that_does_not_exist_is_refused_beside_known_lenses(pair):
+    left, right, _ = pair
+    with pytest.raises(ConfigError, match="model must be one of"):
+        calibrate_stereo(left, right, SPACING, cameras=(PINHOLE, PINHOLE), model="nonsense")
+
+
+@pytest.mark.parametrize("given", [("middle",), ("right", "left"), ("left", "left")])
+def test_given_names_the_sides_once(pair, given):
+    with pytest.raises(RcdnError, match="given must hold"):
+        replace(pair[2], given=given)

@@ -13,7 +13,9 @@ pytest.importorskip("rcdn.training", exc_type=ImportError, reason="needs rcdn[tr
 import numpy as np
 import onnx
 import torch
+from typer.testing import CliRunner
 
+from rcdn.cli import app
 from rcdn.corners.response import ResponseModel, load_model
 from rcdn.errors import ConfigError, RcdnError
 from rcdn.synthetic import random_crop
@@ -23,6 +25,7 @@ from rcdn.training.config import TrainConfig
 from rcdn.training.export import export, folded, load_run, parity, provenance, to_onnx
 from rcdn.training.loss import ACTIVATION
 from rcdn.training.net import _of_onnx, build
+from rcdn.training.samples import PoolConfig
 
 KINDS = {"A": ("paper", "minmax"), "D-3": ("squared", "minmax"), "F": ("safe", "minmax"), "Q": ("heatmap", "local")}
 CROP = random_crop(11, 112)[0][:97, :110]
@@ -168,6 +171,7 @@ def test_several_runs_give_the_mean_of_their_weights(grown_runs, tmp_path):
         ({"architecture": "D"}, "one architecture, not A, D"),
         ({"teacher": "other"}, "one teacher, not e, other"),
         ({"normalisation": "local"}, "one normalisation"),
+        ({"pool": dataclasses.asdict(PoolConfig(ranges="deltille"))}, "one pool.ranges"),
     ],
 )
 def test_runs_that_have_no_mean_are_refused(grown_runs, tmp_path, change, text):
@@ -180,9 +184,31 @@ def test_runs_that_have_no_mean_are_refused(grown_runs, tmp_path, change, text):
         export(grown_runs, tmp_path / "mean.onnx")
 
 
-@pytest.mark.parametrize(("change", "text"), [({"teacher": ""}, "grew from one"), ({"batch_norm": True}, "without batch")])
-def test_runs_from_nothing_or_with_statistics_have_no_mean(grown_runs, tmp_path, change, text):
-    for folder in grown_runs:
+def test_a_run_counts_once(grown_runs, tmp_path):
+    with pytest.raises(ConfigError, match="named twice"):
+        export([grown_runs[0], grown_runs[1], grown_runs[0]], tmp_path / "mean.onnx")
+
+
+def test_the_mean_needs_a_name(grown_runs):
+    result = CliRunner().invoke(app, ["export", *map(str, grown_runs)])
+    assert result.exit_code == 2
+    assert "--output" in result.stderr
+    target = grown_runs[0].parent / "mean.onnx"
+    result = CliRunner().invoke(app, ["export", *map(str, grown_runs), "-o", str(target)])
+    assert result.exit_code == 0, result.output
+    assert "the mean of the weights of 3 runs" in result.stdout
+    result = CliRunner().invoke(app, ["export", str(grown_runs[0]), str(target)])
+    assert result.exit_code == 2
+    assert "from the folders of their runs" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("change", "text"), [({"teacher": ""}, "grew from one"), ({"batch_norm": True}, "without batch")]
+)
+@pytest.mark.parametrize("which", [slice(None), slice(1, 2)])
+def test_runs_from_nothing_or_with_statistics_have_no_mean(grown_runs, tmp_path, change, text, which):
+    text = "one teacher" if "teacher" in change and which != slice(None) else text
+    for folder in grown_runs[which]:
         report = json.loads((folder / "run.json").read_text())
         report["config"] |= change
         (folder / "run.json").write_text(json.dumps(report))

@@ -173,12 +173,16 @@ def two_cameras(
     """Calibrate the left and the right camera of `inputs`, print a summary, and write the outputs."""
     from rcdn.batch import camera_files
     from rcdn.batch.known_cameras import known_pair
+    from rcdn.batch.moments import cameras_in
     from rcdn.calibration import calibrate_stereo
     from rcdn.io import write_calibration
     from rcdn.report.calibration import write_stereo_report
     from rcdn.terminal import camera_text
 
-    known = known_pair(problem.cameras)
+    known = known_pair(problem.cameras, list(cameras_in(inputs)))
+    outputs = outputs.without_refused(
+        lambda path: camera_files.pair_refusal(path, outputs.format, problem.model, known)
+    )
     left = reader.gather(inputs[:1])
     right = reader.gather(inputs[1:], left.frames or None)
     reader.check(left, problem.spacing)

@@ -55,15 +55,27 @@ def rig_refusal(
     return ""
 
 
-def refusal(path: Path, format: CameraFormat | None, model: str, stereo: bool) -> str:
+def refusal(path: Path, format: CameraFormat | None, model: str) -> str:
     """The reason why a file of this format can't hold the result of a calibration with the lens `model` (as in
     `rcdn.calibrate`); "" if it can, or if that can't be decided yet."""
+    return _refusal(path, format, [_example(model)], stereo=False)
+
+
+def pair_refusal(
+    path: Path, format: CameraFormat | None, model: str, known: tuple[Camera | None, Camera | None]
+) -> str:
+    """As `refusal`, of a pair of cameras, some of them `known`, the others with the lens `model`."""
+    return _refusal(path, format, [camera or _example(model) for camera in known], stereo=True)
+
+
+def _refusal(path: Path, format: CameraFormat | None, cameras: Sequence[Camera], stereo: bool) -> str:
     from rcdn.io import check_lens
 
     if holds_maps(path, format):
         return ""
     try:
-        check_lens(path, _example(model), format, stereo)
+        for camera in cameras:
+            check_lens(path, camera, format, stereo)
     except FormatError as error:
         return str(error)
     return ""

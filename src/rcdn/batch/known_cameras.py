@@ -14,18 +14,15 @@ from rcdn.terminal import console
 if TYPE_CHECKING:
     from rcdn.types import Camera
 
-SIDES = ("left", "right")
-"""names of the cameras of a pair"""
-
 KnownCameras = Annotated[
     list[Path] | None,
     typer.Option(
         "--camera",
         metavar="FILE",
-        help="With --rig or --stereo: a camera whose lens is known and held (left.yaml is that of the input left; "
-        "NAME=FILE says it; with --stereo names are left and right, and of two files the first is the left one's), a "
-        "file of several cameras or of a rig, or a folder with a file a camera; may be given several times. The other "
-        "lenses are solved for.",
+        help="With --rig or --stereo: a camera whose lens is known and held; the other lenses are solved for. A "
+        "camera's file (left.yaml is that of the input left; NAME=FILE says it), a file of several cameras or of a "
+        "rig, or a folder with a file a camera; may be given several times. With --stereo left and right are names, "
+        "too, and of two files with other names the first is the left camera's.",
     ),
 ]
 
@@ -55,16 +52,31 @@ def known_cameras(files: Sequence[Path], names: Sequence[str]) -> dict[str, Came
     return found
 
 
-def known_pair(files: Sequence[Path]) -> tuple[Camera | None, Camera | None]:
-    """The left and the right camera whose lens is known, None where it isn't. They are named left and right as in
-    `known_cameras`; two files of one camera each that have other names are taken in their order."""
-    if len(files) == 2 and not any(name for name, _ in map(_name_and_file, files)):
-        one, two = (_cameras("", file) for file in files)
-        if len(one) == len(two) == 1 and not {*one, *two} & set(SIDES):
-            console.note(f"note: {files[0]} is taken for the left camera, {files[1]} for the right one")
-            return next(iter(one.values())), next(iter(two.values()))
-    found = known_cameras(files, SIDES)
-    return found.get("left"), found.get("right")
+def known_pair(files: Sequence[Path], names: Sequence[str]) -> tuple[Camera | None, Camera | None]:
+    """The left and the right camera whose lens is known, None where it isn't.
+
+    They are named as the inputs, `names`, else left and right; two files of one camera each that have other names are
+    taken in their order. Raises as `known_cameras`.
+    """
+    from rcdn.types.calibration import SIDES
+
+    each = [_cameras(*_name_and_file(file)) for file in files]
+    found = {name for cameras in each for name in cameras}
+    if not found <= set(names) and found <= set(SIDES):
+        names = SIDES
+    elif not found & set(names) and [len(c) for c in each] == [1, 1] and not any(_name_and_file(f)[0] for f in files):
+        console.note(f"note: {files[0]} is taken for the left camera, {files[1]} for the right one")
+        one, two = each
+        return next(iter(one.values())), next(iter(two.values()))
+    known = known_cameras(files, names)
+    left, right = (known.get(name) for name in names)
+    return left, right
+
+
+def camera_paths(files: Sequence[Path]) -> list[Path]:
+    """The paths of `files` without their NAME=, and those of the files in folders."""
+    paths = [path for _, path in map(_name_and_file, files)]
+    return [*paths, *(p for path in paths if path.is_dir() for p in path.iterdir())]
 
 
 def _name_and_file(file: Path) -> tuple[str, Path]:

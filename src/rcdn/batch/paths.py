@@ -43,7 +43,7 @@ def check_file(option: str, path: Path | None, inputs: Sequence[Path]) -> None:
     mine = os.path.abspath(path)
     if is_video(path) or path.suffix.lower() in PICTURE_ENDINGS or any(os.path.abspath(p) == mine for p in inputs):
         raise ConfigError(
-            f"{option} {path}: that would overwrite a picture (did the shell put a pattern's first file there?); "
+            f"{option} {path}: that would overwrite an input (did the shell put a pattern's first file there?); "
             f"name the file to write after {option}"
         )
     check_writable(path)

@@ -144,8 +144,7 @@ def with_geometries(
 def check_arguments(boards: Sequence[Board], names: Sequence[str] | None, model: str, size: Size | None) -> None:
     """Raise ConfigError for invalid arguments of `calibrate`, CalibrationError if there are no boards."""
     check_boards(boards)
-    if model not in MODELS:
-        raise ConfigError(f"model must be one of {', '.join(MODELS)}, not {shown(model)}")
+    check_model(model)
     if names is not None and len(names) != len(boards):
         raise ConfigError(f"names must have one entry a board: {len(boards)}, not {len(names)}")
     if size is not None:
@@ -155,6 +154,12 @@ def check_arguments(boards: Sequence[Board], names: Sequence[str] | None, model:
             raise ConfigError(f"boards[{k}].xy must be finite; leave out corners that have no position")
     if not boards:
         raise CalibrationError("no boards: nothing to calibrate from; see what `rcdn detect --overlay` draws")
+
+
+def check_model(model: str) -> None:
+    """Raise ConfigError for a name that is no lens model's."""
+    if model not in MODELS:
+        raise ConfigError(f"model must be one of {', '.join(MODELS)}, not {shown(model)}")
 
 
 def names_of(boards: Sequence[Board], names: Sequence[str] | None) -> list[str]:

@@ -38,20 +38,23 @@ CHECKS: tuple[Check, ...] = (
 """checks of a camera with a given lens: without those on whether its views determine a lens"""
 LENS_CHECKS = ("systematic", "smooth", "rms", "crowded")
 """checks that a wrong lens fails"""
+ANOTHER_LENS = (
+    "Calibrate without the given lens, so that it is solved for: zoom, focus or the picture's size may have changed."
+)
 
 
 def with_known_lens(
-    boards: Sequence[Board], geometries: Geometries, names: Sequence[str], camera: Camera
+    boards: Sequence[Board], geometries: Geometries, names: Sequence[str], camera: Camera, strict: bool = False
 ) -> Calibration:
     """The calibration with `camera` held constant: poses, residuals, and the board's shape if it predicts held-out
-    images better.
+    images better. `strict`: plain boards that cannot be part of the whole board are refused.
 
     One view is enough. The lens has no standard deviations; its covariance is zero. Raises CalibrationError if the
     images have another size than the camera, or no board has a pose.
     """
     _check_size(boards, camera)
     whole = geometries.main
-    labels = geometries.labelled(boards, strict=False)
+    labels = geometries.labelled(boards, strict)
     task = usable(boards, labels, names, camera.image_size, whole, FEWEST_POSES)
     task, T = with_poses(task, poses(camera, task.seen), FEWEST_POSES)
     start = State.mono(camera, T)
@@ -64,7 +67,8 @@ def with_known_lens(
         common = choose.Task(task.corners, curved.weight, task.picture)
         errors = [choose.held_out_rms(f.state, common, _free(f.state)) for f in (curved, flat)]
         fit = curved if errors[0] * choose.SIMPLER < errors[1] else flat
-    score = ModelScore(camera.model, choose.rms(fit.residuals, fit.weight), float("nan"))
+    lens = camera.model if camera.correction is None else f"{camera.model} with spline"
+    score = ModelScore(lens, choose.rms(fit.residuals, fit.weight), float("nan"))
     return judged_known(result_of(task, boards, labels, names, fit, whole, (score,), FEWEST_POSES))
 
 
@@ -91,15 +95,10 @@ def _check_size(boards: Sequence[Board], camera: Camera) -> None:
 def judged_known(calibration: Calibration) -> Calibration:
     """`calibration` with the verdict on a camera with a given lens: whether it explains its images."""
     facts = measure(calibration)
-    found = verdict_of([reason for check in CHECKS for reason in check(calibration, facts)])
+    found = verdict_of([_of_given(reason) for check in CHECKS for reason in check(calibration, facts)])
     return replace(calibration, verdict=found, advice=sentences(found) + notes(calibration))
 
 
-def action_against(reason: Reason, given: bool) -> str:
-    """What to do about a reason against a camera; if its lens was `given` and may be the wrong one, to solve for it."""
-    if given and reason.key in LENS_CHECKS:
-        return (
-            "Leave the camera that was given for it away, so that its lens is solved for: zoom, focus or the picture "
-            "may have changed."
-        )
-    return reason.action
+def _of_given(reason: Reason) -> Reason:
+    """A reason against a camera whose lens was given: what to do where that lens may be the wrong one."""
+    return replace(reason, action=ANOTHER_LENS) if reason.action and reason.key in LENS_CHECKS else reason

@@ -79,7 +79,7 @@ def calibrate_rig(
     @cache
     def as_model(camera: int, lens: str) -> Calibration:
         name = order[camera]
-        return _alone(name, views[name], geometries, (names or {}).get(name), given.get(name, lens))
+        return _alone(name, views[name], geometries, (names or {}).get(name), given.get(name, lens), size is not None)
 
     lenses = [
         given[name].model if name in given else model if isinstance(model, str) else model[name] for name in order
@@ -129,14 +129,20 @@ def _moments(views: Mapping[str, Sequence[Board]], moments: Mapping[str, Sequenc
 
 
 def _alone(
-    name: str, boards: Sequence[Board], geometries: Geometries, names: Sequence[str] | None, lens: str | Camera
+    name: str,
+    boards: Sequence[Board],
+    geometries: Geometries,
+    names: Sequence[str] | None,
+    lens: str | Camera,
+    strict: bool,
 ) -> Calibration:
-    """The calibration of one camera alone, with a lens model or with a known lens."""
+    """The calibration of one camera alone, with a lens model or with a known lens; `strict`: plain boards that cannot
+    be part of the whole board are refused."""
     try:
         check_arguments(boards, names, lens if isinstance(lens, str) else "auto", None)
         if isinstance(lens, Camera):
-            return with_known_lens(boards, geometries, names_of(boards, names), lens)
-        return with_geometries(boards, geometries, names_of(boards, names), lens)
+            return with_known_lens(boards, geometries, names_of(boards, names), lens, strict)
+        return with_geometries(boards, geometries, names_of(boards, names), lens, strict=strict)
     except CalibrationError as error:
         raise CalibrationError(f"camera {name}: {error}") from error
 

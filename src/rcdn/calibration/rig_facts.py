@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from rcdn.calibration.advice import judged
-from rcdn.calibration.known_lens import action_against, judged_known
+from rcdn.calibration.known_lens import judged_known
 from rcdn.calibration.limits import growth, reason
 from rcdn.calibration.rig_start import Key
 from rcdn.calibration.verdict import verdict_of
@@ -101,7 +101,7 @@ def judged_rig(found: RigCalibration) -> RigCalibration:
     }
     reasons = [
         *_rig_reasons(found),
-        *(r for name, c in cameras.items() for r in _of_camera(name, c, name in found.given)),
+        *(r for name, c in cameras.items() for r in _of_camera(name, c)),
     ]
     return replace(found, cameras=cameras, verdict=verdict_of(reasons))
 
@@ -185,14 +185,8 @@ def _join(link: MissingLink) -> str:
     )
 
 
-def _of_camera(name: str, camera: Calibration, given: bool) -> list[Reason]:
+def _of_camera(name: str, camera: Calibration) -> list[Reason]:
     return [
-        replace(
-            r,
-            key=f"{name}.{r.key}",
-            what=f"{name}: {r.what}",
-            sentence=f"{name}: {r.sentence}",
-            action=action_against(r, given),
-        )
+        replace(r, key=f"{name}.{r.key}", what=f"{name}: {r.what}", sentence=f"{name}: {r.sentence}")
         for r in camera.verdict.against
     ]

@@ -10,7 +10,7 @@ import numpy as np
 
 from rcdn.calibration import robust
 from rcdn.calibration.arguments import check_boards
-from rcdn.calibration.calibrate import calibrate, check_arguments, names_of, with_geometries
+from rcdn.calibration.calibrate import calibrate, check_arguments, check_model, names_of, with_geometries
 from rcdn.calibration.coded import Geometries, Spacing
 from rcdn.calibration.common_model import one_model
 from rcdn.calibration.epipolar import epipolar_gaps, matches
@@ -23,13 +23,13 @@ from rcdn.calibration.rig_solution import RigSolution
 from rcdn.calibration.rig_start import Key
 from rcdn.calibration.rig_task import RigTask
 from rcdn.calibration.stereo_verdict import judged_stereo
-from rcdn.errors import CalibrationError, ConfigError, many
+from rcdn.errors import CalibrationError, ConfigError, many, shown
 from rcdn.types import Array, Board, Calibration, Camera, StereoCalibration
+from rcdn.types.calibration import SIDES
 
 Names = tuple[Sequence[str], Sequence[str]]
 KnownLenses = tuple[Camera | None, Camera | None]
 """the left and the right camera whose lens is known, None where it is solved for"""
-SIDES = ("left", "right")
 
 
 @one_thread()
@@ -91,6 +91,7 @@ def stereo_solution(
     pairs = _pairs(left, right, pairs)
     if pairs and all(np.array_equal(left[a].xy, right[b].xy) for a, b in pairs):
         raise ConfigError("left and right are the same boards, corner by corner; give the other camera's pictures")
+    _check_lenses(cameras, model)
     known = (cameras[0] is not None, cameras[1] is not None)
     lenses = (cameras[0] or model, cameras[1] or model)
     first, second, note = _each(left, right, spacing, pairs, names, lenses, size)
@@ -117,6 +118,14 @@ def stereo_solution(
     return StereoSolution(judged, solution.cov[np.ix_(mine, mine)], single, len(solution.used))
 
 
+def _check_lenses(cameras: KnownLenses, model: str) -> None:
+    """Raise ConfigError unless `cameras` are two, each a Camera or None, and there is a lens `model` of this name."""
+    check_model(model)
+    several = isinstance(cameras, (tuple, list)) and len(cameras) == 2
+    if not several or not all(c is None or isinstance(c, Camera) for c in cameras):
+        raise ConfigError(f"cameras must be (left, right), each a Camera or None, not {shown(cameras)}")
+
+
 def _each(
     left: Sequence[Board],
     right: Sequence[Board],
@@ -131,7 +140,7 @@ def _each(
     named = names or (None, None)
     of = _common(left, right, spacing, size, any(isinstance(lens, Camera) for lens in lenses)) or spacing
     first = _alone(0, left, of, named[0], lenses[0], size)
-    second = _alone(1, right, of, named[1], lenses[1], size or first.size)
+    second = _alone(1, right, of, named[1], lenses[1], size if isinstance(of, Geometries) else size or first.size)
     if first.size != second.size:
         raise CalibrationError(
             f"the cameras saw different boards ({_text(first.size)} left, {_text(second.size)} right): "
@@ -139,7 +148,7 @@ def _each(
         )
     if lenses != ("auto", "auto"):
         return first, second, ""
-    boards, whole = (left, right), size or first.size
+    boards, whole = (left, right), size if isinstance(of, Geometries) else size or first.size
     return one_model(
         (first, second), lambda side, name: _alone(side, boards[side], of, named[side], name, whole), pairs
     )
@@ -163,14 +172,14 @@ def _alone(
     size: Size | None,
 ) -> Calibration:
     """The calibration of the left (0) or the right (1) camera alone with a lens model or a known lens, from boards of a
-    spacing or of known geometries; errors name the camera."""
+    spacing or of known geometries; errors name the camera. If a `size` is given, other plain boards are refused."""
     try:
         if not isinstance(of, Geometries):
             return calibrate(boards, of, names=names, model=str(lens), size=size)
         check_arguments(boards, names, lens if isinstance(lens, str) else "auto", size)
         if isinstance(lens, Camera):
-            return with_known_lens(boards, of, names_of(boards, names), lens)
-        return with_geometries(boards, of, names_of(boards, names), lens)
+            return with_known_lens(boards, of, names_of(boards, names), lens, strict=size is not None)
+        return with_geometries(boards, of, names_of(boards, names), lens, strict=size is not None)
     except CalibrationError as error:
         raise CalibrationError(f"{SIDES[side]} camera: {error}") from error
 

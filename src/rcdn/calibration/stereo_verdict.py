@@ -7,17 +7,17 @@ from dataclasses import replace
 import numpy as np
 
 from rcdn.calibration.advice import judged, notes
-from rcdn.calibration.known_lens import action_against, judged_known
+from rcdn.calibration.known_lens import judged_known
 from rcdn.calibration.limits import growth, reason
 from rcdn.calibration.verdict import judge, sentences, verdict_of
 from rcdn.errors import many
 from rcdn.types import Calibration, Reason, StereoCalibration, Verdict
+from rcdn.types.calibration import SIDES
 
 
 def judge_stereo(stereo: StereoCalibration) -> Verdict:
     """The verdict on a pair: its own checks, then the reasons against each camera."""
-    sides = (("left", stereo.left), ("right", stereo.right))
-    of_cameras = (r for name, c in sides for r in _of_camera(name, c, name in stereo.given))
+    of_cameras = (r for name, c in _sides(stereo) for r in _of_camera(name, c, name in stereo.given))
     return verdict_of([*_pair_reasons(stereo), *of_cameras])
 
 
@@ -26,17 +26,17 @@ def judged_stereo(stereo: StereoCalibration) -> StereoCalibration:
 
     Advice about the pairs themselves (which were left out) is kept and comes first.
     """
-    sides = ("Left", stereo.left), ("Right", stereo.right)
-    of_cameras = {f"{name}: {text}" for name, camera in sides for text in camera.advice}
+    of_cameras = {f"{name.capitalize()}: {text}" for name, camera in _sides(stereo) for text in camera.advice}
     of_pairs = tuple(text for text in stereo.advice if text not in of_cameras)
-    left, right = (
-        judged_known(c) if name in stereo.given else judged(c)
-        for name, c in (("left", stereo.left), ("right", stereo.right))
-    )
+    left, right = (judged_known(c) if name in stereo.given else judged(c) for name, c in _sides(stereo))
     done = replace(stereo, left=left, right=right)
     verdict = judge_stereo(done)
-    noted = [f"{name}: {text}" for name, c in (("Left", left), ("Right", right)) for text in notes(c)]
+    noted = [f"{name.capitalize()}: {text}" for name, c in _sides(done) for text in notes(c)]
     return replace(done, verdict=verdict, advice=tuple(dict.fromkeys([*of_pairs, *sentences(verdict), *noted])))
+
+
+def _sides(stereo: StereoCalibration) -> tuple[tuple[str, Calibration], ...]:
+    return tuple(zip(SIDES, (stereo.left, stereo.right), strict=True))
 
 
 def baseline_std(stereo: StereoCalibration) -> float:
@@ -86,7 +86,6 @@ def _of_camera(name: str, camera: Calibration, given: bool) -> list[Reason]:
             key=f"{name}.{r.key}",
             what=f"{name.capitalize()}: {r.what}",
             sentence=f"{name.capitalize()}: {r.sentence}",
-            action=action_against(r, given),
         )
         for r in verdict.against
     ]

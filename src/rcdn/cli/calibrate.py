@@ -18,7 +18,7 @@ from rcdn.batch.calibration_outputs import (
 )
 from rcdn.batch.calibration_runs import BoardReader, Problem, one_camera, two_cameras
 from rcdn.batch.detection_settings import DetectionSettings
-from rcdn.batch.known_cameras import KnownCameras
+from rcdn.batch.known_cameras import KnownCameras, camera_paths
 from rcdn.batch.pair_file import PairFile, Pairs
 from rcdn.batch.rig_runs import many_cameras
 from rcdn.config import DetectorConfig
@@ -149,9 +149,9 @@ def calibrate(
     if pattern is PatternName.deltille and (board is not None or stereo or rig):
         raise ConfigError("--board and --stereo know boards of squares only; leave them out for a deltille")
     outputs = Outputs(output or [], cast("CameraFormat | None", file_format), report, json, force, pictures or ())
-    outputs.check([*inputs, *(camera or ()), *([] if pairs is None else [pairs])], rig)
-    if not rig:
-        outputs = outputs.without_refused(lambda path: refusal(path, outputs.format, model.value, stereo))
+    outputs.check([*inputs, *camera_paths(camera or ()), *([] if pairs is None else [pairs])], rig)
+    if not (rig or stereo):
+        outputs = outputs.without_refused(lambda path: refusal(path, outputs.format, model.value))
     pair_file = None if pairs is None else PairFile.read(pairs)
     config = DetectorConfig.preset("auto", pattern=pattern.value, target=target.reads)
     kept = frames if select is None else max(frames, CANDIDATES)

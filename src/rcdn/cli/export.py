@@ -25,7 +25,7 @@ def export(
             "--output",
             "-o",
             metavar="FILE.onnx",
-            help="Where to write; a .json goes beside it. Default: in RUN_DIR, the first one.",
+            help="Where to write; a .json goes beside it. Default: in RUN_DIR, if that is one.",
         ),
     ] = None,
 ) -> None:
@@ -51,6 +51,8 @@ def export(
     from rcdn.training.export import PARITY
     from rcdn.training.export import export as write
 
+    if len(runs) > 1 and output is None:
+        raise ConfigError("export: name the file for the mean of several runs, --output FILE.onnx")
     target = output or run / f"{run.resolve().name}.onnx"
     facts, gap = write(runs, target)
     metrics = facts["metrics"]

@@ -19,9 +19,9 @@ def cluster_mask(xy: Shaped[Array, "n 2"], rule: Cluster) -> Array:
 
     Paper section 3.3: k-means++ on the positions; candidates far from the board form small clusters of their own. All
     stay if there are fewer than `rule.least`. The best of ten initialisations is used, drawn with the seed `rule.seed`,
-    so that the result depends only on the input. Seeding is greedy, as in scikit-learn, which the authors' code calls:
-    plain k-means++ ends in worse optima, in which two corners of a board may be a cluster of their own. Known weakness:
-    a true corner in a small cluster is dropped, too.
+    so that the result depends only on the input. Seeding is greedy, as in scikit-learn (departure P12): plain k-means++
+    ends in worse optima, in which two corners of a board may be a cluster of their own. Known weakness: a true corner
+    in a small cluster is dropped, too.
     """
     if len(xy) < rule.least or len(xy) == 0:
         return np.ones(len(xy), bool)

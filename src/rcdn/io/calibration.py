@@ -69,7 +69,9 @@ def read_stereo_calibration(path: str | Path) -> StereoCalibration:
     advice = _texts(data, "advice", where)
     rectified = (R_left, R_right, P_left, P_right, Q)
     given = names_of(data.get("given", []), f"{where}: given")
-    return StereoCalibration(left, right, T, cov, rms, epipolar, *rectified, advice, verdict_of(data, where), given)
+    verdict = verdict_of(data, where)
+    with located(where):
+        return StereoCalibration(left, right, T, cov, rms, epipolar, *rectified, advice, verdict, given)
 
 
 def read_calibrations(path: str | Path) -> dict[str, Calibration]:

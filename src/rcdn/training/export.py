@@ -6,6 +6,7 @@ The graph is built node by node, so that this file documents its content.
 from __future__ import annotations
 
 import csv
+import dataclasses
 import datetime
 import hashlib
 from collections.abc import Sequence
@@ -144,6 +145,10 @@ def response_model(net: CornerNet, data: bytes, facts: dict[str, Any]) -> Respon
     return ResponseModel(data, facts["training"]["normalisation"], arch.margins, arch.cell, facts)
 
 
+SAME = ("architecture", "normalisation", "loss", "start", "teacher")
+"""settings in which runs must agree whose weights are averaged"""
+
+
 def mean_run(runs: Sequence[Path]) -> tuple[CornerNet, dict[str, Any]]:
     """The network whose weights are the mean of those of `runs`, which differ in their seeds or losses but grew from
     one network (Wortsman et al. 2022, "Model soups"); and the content of the first run's `run.json`, with the metrics
@@ -152,13 +157,17 @@ def mean_run(runs: Sequence[Path]) -> tuple[CornerNet, dict[str, Any]]:
     Raises ConfigError if the networks are of different kinds or beginnings, or have batch normalisation, whose
     statistics don't average.
     """
+    if len({run.resolve() for run in runs}) < len(runs):
+        raise ConfigError("export: a run is named twice; the mean needs different ones")
     nets, reports = zip(*map(load_run, runs), strict=True)
-    for key in ("architecture", "normalisation", "loss", "start", "teacher"):
-        if len(found := {str(r["config"].get(key, "")) for r in reports}) > 1:
+    configs = [r["config"] for r in reports]
+    settings = [{key: c.get(key, "") for key in SAME} | {"pool.ranges": c["pool"]["ranges"]} for c in configs]
+    for key in settings[0]:
+        if len(found := {str(s[key]) for s in settings}) > 1:
             raise ConfigError(f"export: the mean needs runs with one {key}, not {', '.join(sorted(found))}")
-    config = reports[0]["config"]
-    if config.get("batch_norm") is True or ARCHITECTURES[config["architecture"]].batch_norm:
+    if any(isinstance(m, torch.nn.BatchNorm2d) for net in nets for m in net.modules()):
         raise ConfigError("export: the mean needs networks without batch normalisation; export each run alone")
+    config = configs[0]
     if not (config.get("start") or config.get("teacher")):
         raise ConfigError("export: the mean needs runs that grew from one network, by `teacher` or `start`")
     net = nets[0]
@@ -166,7 +175,9 @@ def mean_run(runs: Sequence[Path]) -> tuple[CornerNet, dict[str, Any]]:
         for each in zip(*(n.parameters() for n in nets), strict=True):
             each[0].copy_(torch.stack(each).double().mean(dim=0))
     step = {"step": reports[0]["metrics"]["step"]}
-    metrics = step | validate(net, TrainConfig(**config | {"pool": PoolConfig(**config["pool"])}))
+    known = {f.name for f in dataclasses.fields(TrainConfig)} & set(config)
+    settled = TrainConfig(**{key: config[key] for key in known} | {"pool": PoolConfig(ranges=config["pool"]["ranges"])})
+    metrics = step | validate(net, settled)
     about = [
         {"seed": r["config"]["seed"], "background": r["config"].get("background", 1.0), "metrics": r["metrics"]}
         | {"commit": r.get("commit")}

@@ -219,6 +219,10 @@ class Calibration(Value):
         return int(sum((~v.used).sum() for v in self.used_views))
 
 
+SIDES = ("left", "right")
+"""the cameras of a pair"""
+
+
 @dataclass(frozen=True, eq=False)
 class StereoCalibration(Value):
     """Two cameras and their relative pose.
@@ -251,6 +255,8 @@ class StereoCalibration(Value):
         shapes = {"T_right_left": 4, "cov": 6, "R_left": 3, "R_right": 3, "P_left": 4, "P_right": 4, "Q": 4}
         for name, width in shapes.items():
             freeze(self, name, getattr(self, name), np.float64, (width,))
+        if self.given != tuple(side for side in SIDES if side in self.given):
+            raise RcdnError(f"given must hold 'left', 'right', both or none, in this order, not {shown(self.given)}")
 
     def __repr__(self) -> str:
         return f"<StereoCalibration: {level_in_words(self.verdict)}, {self._facts}>"
