@@ -362,3 +362,14 @@ def test_a_model_that_does_not_exist_is_refused_beside_known_lenses(pair):
 def test_given_names_the_sides_once(pair, given):
     with pytest.raises(RcdnError, match="given must hold"):
         replace(pair[2], given=given)
+
+
+def test_smooth_corrections_of_a_pair_keep_their_stiffness():
+    """Without their prior the control points that no corner tells of leave the focal length open."""
+    left, right = pairs(BROWN, BROWN, 27, 10)
+    found = calibrate_stereo(left, right, SPACING, model="splined")
+    for side in (found.left, found.right):
+        assert side.camera.correction is not None
+        assert (side.std[:2] < 0.02 * side.camera.parameters[:2]).all()
+        assert (np.abs(side.camera.parameters[:2] - BROWN.parameters[:2]) < 5 * side.std[:2]).all()
+    assert holds(found)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from rcdn.calibration.bending import Bending
 from rcdn.geometry import project, project_with_jacobian, rotation
 from rcdn.types import LENS, Array, Camera
 from rcdn.types.arrays import Real
@@ -70,7 +71,8 @@ class State:
     camera's coordinates to those of each camera (the first: identity); `shape` (B, 3) m: displacement of a corner along
     the board's x, y and normal for each function of the corners' basis. `prior` of the shared parameters (default: that
     of the lens models). `boards` (B, 4, 4): of boards fixed to each other, takes each one's coordinates to those of the
-    first (the first: identity), whose poses are the frames'."""
+    first (the first: identity), whose poses are the frames'. `smooth`: for each camera the variance of the control
+    points of its smooth correction in the default prior, 0 without one (default: none has any)."""
 
     cameras: tuple[Camera, ...]
     poses: Array
@@ -78,6 +80,7 @@ class State:
     shape: Array = field(default_factory=lambda: np.zeros((0, 3)))
     prior: Prior | None = None
     boards: Array = field(default_factory=lambda: np.eye(4)[None])
+    smooth: tuple[float, ...] = ()
 
     @classmethod
     def mono(cls, camera: Camera, poses: Array, shape: Array | None = None, boards: Array | None = None) -> State:
@@ -120,16 +123,21 @@ FIRM = 1e10
 
 
 def lens_prior(state: State) -> Prior:
-    """The prior of the lenses: their coefficients are small. Without it a polynomial that no corner constrains could
-    fold where no corner was seen."""
-    precision, at = np.zeros(sum(state.counts)), 0
-    for camera in state.cameras:
+    """The prior of the lenses: their coefficients are small, and smooth corrections bend little. Without it a
+    polynomial that no corner constrains could fold where no corner was seen."""
+    precision, at, bent = np.zeros(sum(state.counts)), 0, dict[int, Array]()
+    for camera, variance in zip(state.cameras, state.smooth or (0.0,) * len(state.cameras), strict=True):
         for k, name in enumerate(LENS[camera.model][: len(camera.distortion)]):
             denominator = name in ("k4", "k5", "k6") and camera.model == "rational"
             spread = DENOMINATOR if denominator else TANGENTIAL if name.startswith("p") else RADIAL
             precision[at + 4 + k] = 1 / spread**2
+        if variance:
+            bent[at + camera.coefficients] = Bending.of(camera).energy / variance
         at += len(camera.parameters)
-    return Prior(np.zeros(len(precision)), np.diag(precision))
+    whole = np.diag(precision)
+    for first, energy in bent.items():
+        whole[first : first + len(energy), first : first + len(energy)] = energy
+    return Prior(np.zeros(len(precision)), whole)
 
 
 def with_fixed(state: State, fixed: Collection[str]) -> State:

@@ -15,6 +15,7 @@ from rcdn.calibration.relative_pose import matrix
 from rcdn.calibration.rig_fit import Joint
 from rcdn.calibration.rig_start import Key, Turned
 from rcdn.calibration.shape import FUNCTIONS, shape_basis
+from rcdn.calibration.smooth_lens import variance_of
 from rcdn.geometry.order import turn_labels
 from rcdn.types import Array, Calibration
 
@@ -127,6 +128,7 @@ class RigTask:
             np.array(poses),
             np.stack([places[c] for c in self.cameras]),
             boards=np.stack([np.eye(4), *(self.fixed.place_of(b) for b in self.fixed.others)]),
+            smooth=tuple(variance_of(alone[c]) for c in self.cameras),
         )
 
     def pose(self, state: State, camera: int, view: int) -> Array:

@@ -8,15 +8,15 @@ of the corners; its modes without bending would only duplicate focal length and 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
+from rcdn.calibration.bending import Bending
 from rcdn.calibration.bundle import Corners3, Prior, State, default_free
 from rcdn.calibration.solver import solve
-from rcdn.errors import present
-from rcdn.geometry import folds, roughness, zero_correction
-from rcdn.types import Array, Camera
+from rcdn.geometry import folds, zero_correction
+from rcdn.types import Array, Calibration, Camera
 
 COLUMNS = 12
 """control points along the longer side of the sensor"""
@@ -24,29 +24,6 @@ ROUNDS, CONVERGED = 12, 0.05
 """most steps of expectation–maximisation; relative change of the stiffness below which it has converged"""
 FIRST = 0.5
 """px: initial size of the correction"""
-FLAT = 1e-9
-"""share of the largest eigenvalue of the bending energy, below which a mode has no bending"""
-HELD = 1e7
-"""× the stiffness: that of modes without bending"""
-
-
-@dataclass(frozen=True, eq=False)
-class Bending:
-    """Bending energy of a spline: `energy` (S, S), in which the modes without bending are held at zero, and `many`, the
-    number of the other modes."""
-
-    energy: Array
-    many: int
-
-    @classmethod
-    def of(cls, camera: Camera) -> Bending:
-        """For the correction of a camera."""
-        energy = roughness(present(camera.correction, "Camera.correction"))
-        values, vectors = np.linalg.eigh(energy)
-        flat = values <= FLAT * values[-1]
-        typical = float(np.median(values[~flat]))
-        held = energy + HELD * typical * vectors[:, flat] @ vectors[:, flat].T
-        return cls(held / typical, int((~flat).sum()))
 
 
 def with_correction(state: State, columns: int = COLUMNS) -> State:
@@ -70,7 +47,7 @@ def fitted(state: State, corners: Corners3, weight: Array) -> State:
         solution = solve(bent, corners, weight, free, iterations=8)
         bent = solution.state
         values, spread = bent.values[spline], solution.arrow.covariance[spline, spline]
-        likelier = float(values @ bending.energy @ values + np.sum(bending.energy * spread)) / bending.many
+        likelier = bending.likelier(values, spread)
         change, variance = abs(np.log(likelier / variance)), likelier
         if change < CONVERGED:
             break
@@ -90,3 +67,13 @@ def _prior(before: Prior, bending: Bending, variance: float, spline: slice) -> P
 def whole(camera: Camera) -> bool:
     """Whether the corrected projection is one-to-one inside the frame."""
     return not folds(camera)
+
+
+def variance_of(calibration: Calibration) -> float:
+    """The variance of the control points of a calibration's smooth correction under its prior, as far as they and their
+    covariance tell; 0 without a correction."""
+    camera = calibration.camera
+    if camera.correction is None:
+        return 0.0
+    spline = slice(camera.coefficients, len(camera.parameters))
+    return Bending.of(camera).likelier(camera.parameters[spline], calibration.cov[spline, spline])
