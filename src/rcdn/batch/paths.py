@@ -40,11 +40,11 @@ def check_file(option: str, path: Path | None, inputs: Sequence[Path]) -> None:
     from rcdn.io import check_writable, is_video
     from rcdn.io.files import PICTURE_ENDINGS
 
-    mine = os.path.abspath(path)
-    if is_video(path) or path.suffix.lower() in PICTURE_ENDINGS or any(os.path.abspath(p) == mine for p in inputs):
+    picture = is_video(path) or path.suffix.lower() in PICTURE_ENDINGS
+    if picture or any(os.path.abspath(p) == os.path.abspath(path) for p in inputs):
         raise ConfigError(
-            f"{option} {path}: that would overwrite an input (did the shell put a pattern's first file there?); "
-            f"name the file to write after {option}"
+            f"{option} {path}: that would overwrite {'a picture' if picture else 'an input'} (did the shell put a "
+            f"pattern's first file there?); name the file to write after {option}"
         )
     check_writable(path)
 
