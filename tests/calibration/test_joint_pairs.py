@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from rcdn.calibration import calibrate_rig, joint_pairs
+from rcdn.calibration import calibrate_rig, calibrate_stereo, joint_pairs
 from rcdn.calibration import rig as rig_module
 from rcdn.calibration.joint_pairs import JointPairs
 from rcdn.calibration.rig_start import edges_of
@@ -69,10 +69,10 @@ def of_pairs(alone, moments, **changed):
     return JointPairs(cameras, sights, [False] * 4)
 
 
-def true_place(T, a, b):
-    """Whether T_b_a is right to 4 degrees and .1 m, boards being 2 to 5 m away and a few pixels wide."""
+def true_place(T, a, b, turn=4.0):
+    """Whether T_b_a is right to `turn` degrees and .1 m, boards being 2 to 5 m away and a few pixels wide."""
     D = SCENE.places[RING[b]] @ np.linalg.inv(SCENE.places[RING[a]]) @ np.linalg.inv(T)
-    return np.degrees(Rotation.from_matrix(D[:3, :3]).magnitude()) < 4 and np.linalg.norm(D[:3, 3]) < 0.1
+    return np.degrees(Rotation.from_matrix(D[:3, :3]).magnitude()) < turn and np.linalg.norm(D[:3, 3]) < 0.1
 
 
 def test_boards_at_the_edges_disagree_by_each_lens_alone_and_agree_by_joint_ones(seen, alone):
@@ -157,3 +157,19 @@ def test_a_ring_whose_shared_boards_are_all_shuffled_in_time_is_no_rig(rig, seen
         wrong = rolled(wrong, a, b)
     with pytest.raises(CalibrationError, match="no two cameras"):
         rig(wrong)
+
+
+@pytest.mark.parametrize(("a", "b"), [(0, 1), (2, 3)])
+def test_two_cameras_alone_are_placed_by_joint_lenses(seen, a, b):
+    def found(moments):
+        both = shared(moments, RING[a], RING[b])
+        pairs = [tuple(moments[RING[c]].index(m) for c in (a, b)) for m in both]
+        return calibrate_stereo(seen[0][RING[a]], seen[0][RING[b]], SPACING, pairs=pairs, model="brown")
+
+    pair = found(seen[1])
+    assert true_place(pair.T_right_left, a, b, 5.0)  # without a ring that closes
+    assert pair.verdict.level in ("unsure", "bad")
+    many = len(shared(seen[1], RING[a], RING[b]))
+    assert sum(not v.reason for v in pair.left.views[:many]) == many
+    with pytest.raises(CalibrationError, match="on where the cameras stand"):
+        found(rolled(seen[1], RING[a], RING[b]))

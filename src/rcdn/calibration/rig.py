@@ -134,7 +134,7 @@ def _alone(
     geometries: Geometries,
     names: Sequence[str] | None,
     lens: str | Camera,
-    strict: bool,
+    strict: bool = False,
 ) -> Calibration:
     """The calibration of one camera alone, with a lens model or with a known lens; `strict`: plain boards that cannot
     be part of the whole board are refused."""

@@ -14,10 +14,11 @@ from rcdn.calibration.calibrate import calibrate, check_arguments, check_model, 
 from rcdn.calibration.coded import Geometries, Spacing
 from rcdn.calibration.common_model import one_model
 from rcdn.calibration.epipolar import epipolar_gaps, matches
+from rcdn.calibration.joint_pairs import JointPairs
 from rcdn.calibration.known_lens import with_known_lens
 from rcdn.calibration.labels import Size
 from rcdn.calibration.one_thread import one_thread
-from rcdn.calibration.relative_pose import FEWEST_PAIRS, determines_pose, place
+from rcdn.calibration.relative_pose import FEWEST_PAIRS, determines_pose, hypotheses, place
 from rcdn.calibration.rig_fit import fitted
 from rcdn.calibration.rig_solution import RigSolution
 from rcdn.calibration.rig_start import Key
@@ -55,8 +56,8 @@ def calibrate_stereo(
     `calibrate`.
 
     Starts from each camera's own calibration, then estimates lenses, board poses, the board's shape and the relative
-    pose jointly, as in `calibrate_rig`. Raises
-    CalibrationError if the pairs do not agree on the relative pose; it says so if mirrored images would explain it.
+    pose jointly, as in `calibrate_rig`. Raises CalibrationError if the pairs do not agree on the relative pose, not
+    even under lenses that are solved for jointly; it says so if mirrored images would explain it.
     """
     check_boards(left, "left")
     check_boards(right, "right")
@@ -102,7 +103,7 @@ def stereo_solution(
             f"only {some} the whole board to both cameras, {FEWEST_PAIRS} are the least: take 10 or more, "
             "and check that the pictures are given in the same order or with the same names"
         )
-    T, turned, odd = place(first, second, shared, pairs)
+    T, turned, odd = _placed(first, second, shared, pairs, known)
     task = pair_task(first, second, [p for p in shared if p not in odd], turned, known)
     shaped = (first, second)[task.shape]
     start = task.start((first, second), {0: np.eye(4), 1: T})
@@ -202,6 +203,28 @@ def _pairs(
     if any(len({p[side] for p in pairs}) < len(pairs) for side in (0, 1)):
         raise ConfigError("pairs must not hold an index of left or right twice")
     return list(pairs)
+
+
+def _placed(
+    first: Calibration,
+    second: Calibration,
+    shared: list[tuple[int, int]],
+    pairs: Sequence[tuple[int, int]],
+    known: tuple[bool, bool],
+) -> tuple[Array, dict[int, int], list[tuple[int, int]]]:
+    """As `place`; if most of the `shared` pairs disagree by the views alone, the relative pose by which they agree
+    under lenses that are solved for jointly (boards that both cameras see at the edges of their pictures only)."""
+    try:
+        return place(first, second, shared, pairs)
+    except CalibrationError:
+        sights: list[dict[Key, int]] = [{(str(k), 0): pair[c] for k, pair in enumerate(shared)} for c in (0, 1)]
+        edge = JointPairs((first, second), sights, known).edge(0, 1)
+        if edge is None:
+            raise
+    turns = hypotheses(first, second, shared).nearest(edge.T)[1]
+    agree = [(str(k), 0) in edge.joint for k in range(len(shared))]
+    turned = {b: int(q) for (_, b), q, fits in zip(shared, turns, agree, strict=True) if fits}
+    return edge.T, turned, [pair for pair, fits in zip(shared, agree, strict=True) if not fits]
 
 
 def pair_task(
