@@ -127,6 +127,21 @@ def test_files_with_the_names_of_the_inputs_are_theirs(made):
     assert right.parameters.tolist() == made[0].parameters.tolist()
 
 
+def test_a_file_called_right_is_not_the_left_camera(made):
+    write_camera("foo.yaml", made[0])
+    with pytest.raises(ConfigError, match="right, foo are no inputs"):
+        known_pair([Path("lenses/right.yaml"), Path("foo.yaml")], ["cam0", "cam1"])
+
+
+def test_known_lenses_are_written_whatever_the_views_settle(made, monkeypatch):
+    asked = []
+    monkeypatch.setattr("rcdn.batch.calibration_outputs.Outputs.kept", lambda self, *c: asked.append(len(c)) or True)
+    for files in (["lenses"], ["lenses/right.yaml"], []):
+        words = [w for f in files for w in ("--camera", f)]
+        assert run("--stereo", *words, "--json", "pair.json").exit_code == 0
+    assert asked == [0, 1, 2]
+
+
 @pytest.mark.parametrize("given", ["lenses", "left=lenses/right.yaml", "lenses/right.yaml"])
 def test_a_known_camera_is_not_overwritten(made, given):
     before = Path("lenses/right.yaml").read_bytes()

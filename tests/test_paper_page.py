@@ -130,6 +130,17 @@ def test_what_is_said_of_cameras():
     stated = f"finds {sum(r['whole'] for r in mine)} of {sum(r['pictures'] for r in mine)}"
     assert stated in PAGE
     assert stated in RESULTS
+    ratios, boof = [], {"cal": 0, "pose": 0}
+    for name in {r["set"] for r in mine}:
+        for on in ("common", "with paper"):
+            here = {r["detector"]: r for r in table4 if (r["set"], r["on"]) == (name, on)}
+            if "paper" in here:
+                ratios.append(here["paper"]["cal ÷ opencv"])
+                boof = {k: n + (here["boofcv-size"][k] < here["paper"][k]) for k, n in boof.items()}
+    assert f"(calibration {min(ratios):.2f} to {max(ratios):.3f} of them" in PAGE
+    counts = {3: "three", 4: "four"}
+    said = f"BoofCV's calibration error is lower on {counts[boof['cal']]}, its pose error on {counts[boof['pose']]}."
+    assert said in PAGE
     page = (ROOT / "docs/calibration-results.md").read_text()
     every = [r for r in four if (r["detector"], r["on"], r["set"] != "ALL") == ("paper", "all", True)]
     assert f"finds {sum(r['whole'] for r in every)} of {sum(r['pictures'] for r in every)} boards whole" in page

@@ -169,7 +169,9 @@ def test_two_cameras_alone_are_placed_by_joint_lenses(seen, a, b):
     pair = found(seen[1])
     assert true_place(pair.T_right_left, a, b, 5.0)  # without a ring that closes
     assert pair.verdict.level in ("unsure", "bad")
+    assert not any("left out" in text for text in pair.advice)
     many = len(shared(seen[1], RING[a], RING[b]))
-    assert sum(not v.reason for v in pair.left.views[:many]) == many
+    places = [(v.pose.T_cam_board, w.pose.T_cam_board) for v, w in zip(pair.left.views, pair.right.views, strict=False)]
+    np.testing.assert_allclose([q for _, q in places[:many]], [pair.T_right_left @ p for p, _ in places[:many]])
     with pytest.raises(CalibrationError, match="on where the cameras stand"):
         found(rolled(seen[1], RING[a], RING[b]))

@@ -8,6 +8,7 @@ from typer.testing import CliRunner
 
 from rcdn.calibration import calibrate, estimate_pose
 from rcdn.calibration.bundle import State, lens_prior
+from rcdn.calibration.influence import view_information
 from rcdn.calibration.plain_lens import plain_fit
 from rcdn.calibration.smooth_lens import Bending, with_correction
 from rcdn.cli import app
@@ -102,3 +103,10 @@ def test_flat_corrections_cost_and_bent_ones_of_the_typical_size_cost_one():
     assert bending.many == 2 * rows * columns - 6
     assert np.linalg.eigvalsh(bending.energy).min() > 0
     assert len(lens_prior(with_correction(state)).mean) == len(camera.parameters)
+
+
+def test_views_tell_of_a_corrected_lens_under_the_prior_of_its_bending(rippled):
+    """Without it control points that no corner tells of leave the focal length open by thousands of pixels."""
+    done = calibrate(rippled, SPACING, model="splined", flat=True)
+    deviations = view_information(done).at_optimum().deviations()
+    assert (deviations[:4] < 4 * done.std[:4]).all()

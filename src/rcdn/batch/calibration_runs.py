@@ -204,7 +204,7 @@ def two_cameras(
     if hint := camera_text.swapped_hint(done):
         console.note(hint)
     reader.failed |= not outputs.write(
-        outputs.kept(done.left, done.right),
+        outputs.kept(*(c for c, held in zip((done.left, done.right), known, strict=True) if held is None)),
         lambda path: camera_files.write_pair(path, done, outputs.format),
         lambda path: write_calibration(path, done),
         lambda path: write_stereo_report(

@@ -64,7 +64,11 @@ def known_pair(files: Sequence[Path], names: Sequence[str]) -> tuple[Camera | No
     found = {name for cameras in each for name in cameras}
     if not found <= set(names) and found <= set(SIDES):
         names = SIDES
-    elif not found & set(names) and [len(c) for c in each] == [1, 1] and not any(_name_and_file(f)[0] for f in files):
+    elif (
+        not found & {*names, *SIDES}
+        and [len(c) for c in each] == [1, 1]
+        and not any(_name_and_file(f)[0] for f in files)
+    ):
         console.note(f"note: {files[0]} is taken for the left camera, {files[1]} for the right one")
         one, two = each
         return next(iter(one.values())), next(iter(two.values()))

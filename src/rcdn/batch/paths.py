@@ -42,10 +42,8 @@ def check_file(option: str, path: Path | None, inputs: Sequence[Path]) -> None:
 
     picture = is_video(path) or path.suffix.lower() in PICTURE_ENDINGS
     if picture or any(os.path.abspath(p) == os.path.abspath(path) for p in inputs):
-        raise ConfigError(
-            f"{option} {path}: that would overwrite {'a picture' if picture else 'an input'} (did the shell put a "
-            f"pattern's first file there?); name the file to write after {option}"
-        )
+        what = "a picture (did the shell put a pattern's first file there?)" if picture else "an input"
+        raise ConfigError(f"{option} {path}: that would overwrite {what}; name the file to write after {option}")
     check_writable(path)
 
 

@@ -94,4 +94,5 @@ def _posed(reader: BoardReader, found: Gathered, problem: Problem, lens: Camera)
     from rcdn.calibration.known_lens import with_known_lens
 
     boards, names = flat(found.images)
-    return with_known_lens(boards, Geometries.of(boards, metres(problem.spacing), reader.size), names, lens)
+    geometries = Geometries.of(boards, metres(problem.spacing), reader.size)
+    return with_known_lens(boards, geometries, names, lens, strict=reader.size is not None)

@@ -10,13 +10,14 @@ between views, by a jackknife that leaves out one view at a time; the noise of s
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rcdn.calibration.board_points import flat_points, has_shape
 from rcdn.calibration.bundle import Corners3, State, linearise
 from rcdn.calibration.shape import KNOWN, on_shape
+from rcdn.calibration.smooth_lens import variance_of
 from rcdn.calibration.solver import without_pose
 from rcdn.types import Array, BoardView, Calibration
 from rcdn.types.arrays import Bool, Real
@@ -78,7 +79,7 @@ def corners_of(calibration: Calibration, views: Sequence[BoardView], masks: Sequ
 def state_of(calibration: Calibration, views: Sequence[BoardView]) -> State:
     """The camera and the poses of `views`, all of which have one."""
     poses = np.stack([v.pose.T_cam_board for v in views if v.pose is not None])
-    return State.mono(calibration.camera, poses, KNOWN)
+    return replace(State.mono(calibration.camera, poses, KNOWN), smooth=(variance_of(calibration),))
 
 
 def view_information(calibration: Calibration) -> ViewInformation:

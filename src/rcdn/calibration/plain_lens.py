@@ -27,7 +27,7 @@ def plain_lens(calibration: Calibration, start: Camera) -> Camera:
     """
     views = calibration.used_views
     corners, _ = corners_of(calibration, views, [view.used for view in views])
-    state = replace(state_of(calibration, views), cameras=(start,))
+    state = replace(state_of(calibration, views), cameras=(start,), smooth=())
     state = with_fixed(state, held_fixed(calibration))
     camera = solve(state, corners, np.ones(len(corners)), default_free(state)).state.cameras[0]
     if trouble := lens_trouble(camera):

@@ -128,7 +128,7 @@ class RigTask:
             np.array(poses),
             np.stack([places[c] for c in self.cameras]),
             boards=np.stack([np.eye(4), *(self.fixed.place_of(b) for b in self.fixed.others)]),
-            smooth=tuple(variance_of(alone[c]) for c in self.cameras),
+            smooth=tuple(0.0 if h else variance_of(alone[c]) for c, h in zip(self.cameras, self.known, strict=True)),
         )
 
     def pose(self, state: State, camera: int, view: int) -> Array:

@@ -71,7 +71,11 @@ def whole(camera: Camera) -> bool:
 
 def variance_of(calibration: Calibration) -> float:
     """The variance of the control points of a calibration's smooth correction under its prior, as far as they and their
-    covariance tell; 0 without a correction."""
+    covariance determine it; 0 without a correction.
+
+    The covariance is by the scatter of views: where the residuals of a view are correlated, the variance is up to three
+    times that under which the correction was fitted, and the prior accordingly weaker.
+    """
     camera = calibration.camera
     if camera.correction is None:
         return 0.0
