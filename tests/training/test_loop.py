@@ -422,6 +422,18 @@ def test_a_recipe_gives_what_the_file_does_not_say(tmp_path):
         read_config(tmp_path / "net.toml")
 
 
+def test_a_recipe_may_have_a_recipe(tmp_path):
+    (tmp_path / "inner").mkdir()
+    (tmp_path / "all.toml").write_text("rate = 0.5\nsteps = 7\nseed = 4\n[pool]\ncount = 9\n")
+    (tmp_path / "some.toml").write_text('recipe = "all.toml"\nsteps = 3\nseed = 5\n')
+    (tmp_path / "inner" / "net.toml").write_text('recipe = "../some.toml"\narchitecture = "A"\nseed = 6\n')
+    config = read_config(tmp_path / "inner" / "net.toml")
+    assert (config.rate, config.steps, config.seed, config.pool.count) == (0.5, 3, 6, 9)
+    (tmp_path / "all.toml").write_text('recipe = "some.toml"\n')
+    with pytest.raises(ConfigError, match="a recipe of its own recipe"):
+        read_config(tmp_path / "inner" / "net.toml")
+
+
 @pytest.mark.parametrize("key", ["name", "teacher"])
 @pytest.mark.parametrize("bad", ["../a", "..", ".", "/tmp/a", "a/b", "a\\b", "c:a", "a\nb", "a\0b", "a" * 200])
 def test_a_name_stays_in_the_folder_of_runs(key, bad):

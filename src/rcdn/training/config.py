@@ -115,20 +115,28 @@ _RANGES = {
 def read_config(path: Path) -> TrainConfig:
     """Settings from a TOML file. Raises ConfigError naming an unknown key, a bad value or a bad file.
 
-    `recipe = "FILE"` names a file in the same folder with the settings that this file doesn't state, so that several
-    networks can share one recipe.
+    `recipe = "FILE"` names a file, relative to this one, with the settings that this file doesn't state, so that
+    several networks can share one recipe; a recipe may name another one.
     """
-    values = _read(path)
-    if (recipe := values.pop("recipe", None)) is not None:
-        if not isinstance(recipe, str):
-            raise ConfigError(f"config: recipe must be the name of a file, not {shown(recipe)}")
-        values = _read(path.parent / recipe) | values
+    values = _with_recipes(path, ())
     values.setdefault("name", path.stem)
     pool = values.get("pool", {})
     if not isinstance(pool, dict):
         raise ConfigError(f"config: pool must be a table, [pool], not {shown(pool)}")
     values["pool"] = _checked(PoolConfig, pool, "pool.")
     return _checked(TrainConfig, values, "")
+
+
+def _with_recipes(path: Path, named_by: tuple[Path, ...]) -> dict[str, Any]:
+    """The settings of a file and of its recipes; `named_by`: the files whose recipe it is."""
+    if path.resolve() in named_by:
+        raise ConfigError(f"config: {path} is a recipe of its own recipe; leave one of the lines `recipe` out")
+    values = _read(path)
+    if (recipe := values.pop("recipe", None)) is None:
+        return values
+    if not isinstance(recipe, str):
+        raise ConfigError(f"config: recipe must be the name of a file, not {shown(recipe)}")
+    return _with_recipes(path.parent / recipe, (*named_by, path.resolve())) | values
 
 
 def _read(path: Path) -> dict[str, Any]:
