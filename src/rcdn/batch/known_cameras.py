@@ -35,21 +35,7 @@ def known_cameras(files: Sequence[Path], names: Sequence[str]) -> dict[str, Came
     none of their names is an input's, they are assigned in order. Raises ConfigError for names that don't match, or for
     a camera that is given twice; FormatError as `read_cameras`.
     """
-    found: dict[str, Camera] = {}
-    for given, file in (_name_and_file(f) for f in files):
-        for name, camera in _cameras(given, file).items():
-            if name in found:
-                raise ConfigError(f"--camera {file}: the camera {name} is given twice; leave one of the files away")
-            found[name] = camera
-    if len(files) == 1 and len(found) == len(names) and not set(found) & set(names):
-        console.note(f"note: the cameras of {files[0]} are taken for {', '.join(names)}, in this order")
-        return dict(zip(names, found.values(), strict=True))
-    if unknown := [name for name in found if name not in names]:
-        raise ConfigError(
-            f"--camera: {', '.join(unknown)} {'is no input' if len(unknown) == 1 else 'are no inputs'}; the inputs are "
-            f"{', '.join(names)}: name files, or the cameras in them, as the folders or videos, or give NAME=FILE"
-        )
-    return found
+    return _assigned(files, [_cameras(*_name_and_file(file)) for file in files], names)
 
 
 def known_pair(files: Sequence[Path], names: Sequence[str]) -> tuple[Camera | None, Camera | None]:
@@ -72,9 +58,30 @@ def known_pair(files: Sequence[Path], names: Sequence[str]) -> tuple[Camera | No
         console.note(f"note: {files[0]} is taken for the left camera, {files[1]} for the right one")
         one, two = each
         return next(iter(one.values())), next(iter(two.values()))
-    known = known_cameras(files, names)
+    known = _assigned(files, each, names)
     left, right = (known.get(name) for name in names)
     return left, right
+
+
+def _assigned(
+    files: Sequence[Path], cameras: Sequence[Mapping[str, Camera]], names: Sequence[str]
+) -> dict[str, Camera]:
+    """The `cameras` of each of the `files` by the `names` of the inputs, as `known_cameras`."""
+    found: dict[str, Camera] = {}
+    for (_, file), each in zip(map(_name_and_file, files), cameras, strict=True):
+        for name, camera in each.items():
+            if name in found:
+                raise ConfigError(f"--camera {file}: the camera {name} is given twice; leave one of the files away")
+            found[name] = camera
+    if len(files) == 1 and len(found) == len(names) and not set(found) & set(names):
+        console.note(f"note: the cameras of {files[0]} are taken for {', '.join(names)}, in this order")
+        return dict(zip(names, found.values(), strict=True))
+    if unknown := [name for name in found if name not in names]:
+        raise ConfigError(
+            f"--camera: {', '.join(unknown)} {'is no input' if len(unknown) == 1 else 'are no inputs'}; the inputs are "
+            f"{', '.join(names)}: name files, or the cameras in them, as the folders or videos, or give NAME=FILE"
+        )
+    return found
 
 
 def camera_paths(files: Sequence[Path]) -> list[Path]:

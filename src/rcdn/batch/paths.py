@@ -40,8 +40,8 @@ def check_file(option: str, path: Path | None, inputs: Sequence[Path]) -> None:
     from rcdn.io import check_writable, is_video
     from rcdn.io.files import PICTURE_ENDINGS
 
-    picture = is_video(path) or path.suffix.lower() in PICTURE_ENDINGS
-    if picture or any(os.path.abspath(p) == os.path.abspath(path) for p in inputs):
+    mine, picture = os.path.abspath(path), is_video(path) or path.suffix.lower() in PICTURE_ENDINGS
+    if picture or any(os.path.abspath(p) == mine for p in inputs):
         what = "a picture (did the shell put a pattern's first file there?)" if picture else "an input"
         raise ConfigError(f"{option} {path}: that would overwrite {what}; name the file to write after {option}")
     check_writable(path)

@@ -122,8 +122,8 @@ def stereo_solution(
 def _check_lenses(cameras: KnownLenses, model: str) -> None:
     """Raise ConfigError unless `cameras` are two, each a Camera or None, and there is a lens `model` of this name."""
     check_model(model)
-    several = isinstance(cameras, (tuple, list)) and len(cameras) == 2
-    if not several or not all(c is None or isinstance(c, Camera) for c in cameras):
+    two = isinstance(cameras, (tuple, list)) and len(cameras) == 2
+    if not two or not all(c is None or isinstance(c, Camera) for c in cameras):
         raise ConfigError(f"cameras must be (left, right), each a Camera or None, not {shown(cameras)}")
 
 
@@ -141,7 +141,8 @@ def _each(
     named = names or (None, None)
     of = _common(left, right, spacing, size, any(isinstance(lens, Camera) for lens in lenses)) or spacing
     first = _alone(0, left, of, named[0], lenses[0], size)
-    second = _alone(1, right, of, named[1], lenses[1], size if isinstance(of, Geometries) else size or first.size)
+    whole = size if isinstance(of, Geometries) else size or first.size
+    second = _alone(1, right, of, named[1], lenses[1], whole)
     if first.size != second.size:
         raise CalibrationError(
             f"the cameras saw different boards ({_text(first.size)} left, {_text(second.size)} right): "
@@ -149,7 +150,7 @@ def _each(
         )
     if lenses != ("auto", "auto"):
         return first, second, ""
-    boards, whole = (left, right), size if isinstance(of, Geometries) else size or first.size
+    boards = (left, right)
     return one_model(
         (first, second), lambda side, name: _alone(side, boards[side], of, named[side], name, whole), pairs
     )
