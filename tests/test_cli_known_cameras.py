@@ -151,6 +151,19 @@ def test_a_known_camera_is_not_overwritten(made, given):
     assert Path("lenses/right.yaml").read_bytes() == before
 
 
+@pytest.mark.parametrize(("several", "output"), [("--stereo", "camera_info.yaml"), ("--rig", "lens.yaml")])
+def test_nor_by_the_file_of_one_of_the_cameras(made, several, output):
+    """`-o FILE` may be a file a camera, FILE_left and FILE_right."""
+    given = Path("lenses") / f"{Path(output).stem}_left.yaml"
+    Path("lenses/left_camera_info.yaml").rename(given)
+    before = given.read_bytes()
+    result = run(several, "--camera", f"left={given}", "-o", f"lenses/{output}")
+    assert result.exit_code == 2
+    assert f"{given}: that would overwrite an input" in result.stderr.replace("\n", " ")
+    assert given.read_bytes() == before
+    assert not Path(f"lenses/{Path(output).stem}_right.yaml").exists()
+
+
 def test_what_a_format_cant_hold_of_a_known_lens_is_told_before_the_work(made):
     result = run("--stereo", "--camera", "lenses", "-o", "camchain.yaml")
     assert result.exit_code == 1

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rcdn.batch.camera_files import check_format
+from rcdn.batch.camera_files import check_format, pair_files
 from rcdn.batch.paths import check_file
 from rcdn.batch.writing import print_unwritten, write_each
 from rcdn.errors import ConfigError, FormatError
@@ -89,21 +89,31 @@ class Outputs:
     pictures: Sequence[Path] = ()
     refused: bool = False
 
-    def check(self, inputs: Sequence[str | Path], rig: bool = False) -> None:
-        """Raise before the computation the errors that would prevent writing afterwards; `rig`: check camera files as
-        those of a rig."""
+    def check(self, inputs: Sequence[str | Path], rig: bool = False, stereo: bool = False) -> None:
+        """Raise before the computation the errors that would prevent writing afterwards; `rig`, `stereo`: check camera
+        files as those of a rig or a pair."""
         paths = [Path(i) for i in inputs]
         for path in self.cameras:
             try:
                 check_format(path, self.format, rig)
             except FormatError as error:
                 raise ConfigError(str(error)) from None
-            check_file("--output", path, paths)
+            for file in pair_files(path, self.format) if stereo else [path]:
+                check_file("--output", file, paths)
         check_file("--report", self.report, paths)
         check_file("--json", self.json, paths)
         for name, count in Counter(os.path.abspath(p) for p in self.files).items():
             if count > 1:
                 raise ConfigError(f"{name}: named for {count} outputs; give each a name of its own")
+
+    def check_rig_files(self, names: Sequence[str], inputs: Sequence[Path]) -> None:
+        """Raise ConfigError if a file of a rig, written with a camera's name added to that of `cameras`, would
+        overwrite an input."""
+        from rcdn.io import rig_paths
+
+        for path in self.cameras:
+            for file in rig_paths(path, names, self.format):
+                check_file("--output", file, inputs)
 
     def without_refused(self, refusal: Callable[[Path], str]) -> Outputs:
         """These outputs without the camera files whose format can't represent the cameras; each is reported now, before

@@ -41,6 +41,13 @@ def check_format(path: Path, format: CameraFormat | None, rig: bool = False) -> 
         camera_format(path, format)
 
 
+def pair_files(path: Path, format: CameraFormat | None) -> list[Path]:
+    """The files that `write_pair` writes."""
+    from rcdn.io import stereo_paths
+
+    return [path] if holds_maps(path, format) else stereo_paths(path, format)
+
+
 def rig_refusal(
     path: Path, format: CameraFormat | None, names: Sequence[str], model: str, known: Mapping[str, Camera]
 ) -> str:

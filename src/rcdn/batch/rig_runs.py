@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from rcdn.batch.calibration_outputs import Outputs
 from rcdn.batch.calibration_runs import BoardReader, Problem, flat, pictures_of
 from rcdn.batch.camera_files import rig_refusal, write_rig_files
-from rcdn.batch.known_cameras import known_cameras
+from rcdn.batch.known_cameras import camera_paths, known_cameras
 from rcdn.batch.moments import cameras_in, chosen_by_any, moments_of
 from rcdn.batch.pairs import stems
 from rcdn.batch.rig_lags import in_step, with_neighbours
@@ -37,6 +37,7 @@ def many_cameras(reader: BoardReader, inputs: Sequence[str], problem: Problem, o
     outputs = outputs.without_refused(
         lambda path: rig_refusal(path, outputs.format, list(cameras), problem.model, known)
     )
+    outputs.check_rig_files(list(cameras), camera_paths(problem.cameras))
     found, done = solved(reader, cameras, problem, known)
     for line in [*verdict_line(done.verdict, several=True), *rig_lines(done)]:
         console.print_line(line)

@@ -149,7 +149,7 @@ def calibrate(
     if pattern is PatternName.deltille and (board is not None or stereo or rig):
         raise ConfigError("--board and --stereo know boards of squares only; leave them out for a deltille")
     outputs = Outputs(output or [], cast("CameraFormat | None", file_format), report, json, force, pictures or ())
-    outputs.check([*inputs, *camera_paths(camera or ()), *([] if pairs is None else [pairs])], rig)
+    outputs.check([*inputs, *camera_paths(camera or ()), *([] if pairs is None else [pairs])], rig, stereo)
     if not (rig or stereo):
         outputs = outputs.without_refused(lambda path: refusal(path, outputs.format, model.value))
     pair_file = None if pairs is None else PairFile.read(pairs)

@@ -13,6 +13,7 @@ from rcdn.io.cameras import (
     read_camera,
     read_cameras,
     read_stereo,
+    stereo_paths,
     write_camera,
     write_stereo,
 )
@@ -72,6 +73,7 @@ __all__ = [
     "read_vnl_boards",
     "rig_format",
     "rig_paths",
+    "stereo_paths",
     "write_bytes",
     "write_calibration",
     "write_camera",

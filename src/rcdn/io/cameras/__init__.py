@@ -9,6 +9,7 @@ from rcdn.io.cameras.files import (
     read_camera,
     read_cameras,
     read_stereo,
+    stereo_paths,
     write_camera,
     write_stereo,
 )
@@ -31,6 +32,7 @@ __all__ = [
     "read_camera",
     "read_cameras",
     "read_stereo",
+    "stereo_paths",
     "write_camera",
     "write_stereo",
 ]

@@ -99,11 +99,18 @@ def read_cameras(path: str | Path, format: CameraFormat | None = None) -> dict[s
     return FORMATS[found].cameras(data, str(path))
 
 
+def stereo_paths(path: str | Path, format: CameraFormat | None = None) -> list[Path]:
+    """The files that `write_stereo` writes: `path`, or, for ROS and mrcal, `path` with _left and _right."""
+    target = Path(path)
+    if FORMATS[camera_format(path, format)].pair_files == 1:
+        return [target]
+    return [target.with_stem(f"{target.stem}_{side}") for side in ("left", "right")]
+
+
 def write_stereo(
     path: str | Path, pair: StereoCameras | StereoCalibration, format: CameraFormat | None = None
 ) -> list[Path]:
-    """Write two cameras and their relative pose; returns the files, which are two for ROS and mrcal: `path` with _left
-    and _right.
+    """Write two cameras and their relative pose; returns the files, those of `stereo_paths`.
 
     The lens models may differ. Raises FormatError for COLMAP, whose cameras.txt can't hold a pose, for ROS without a
     rectification, and as `write_camera`, naming the camera that the format can't hold.
@@ -114,10 +121,7 @@ def write_stereo(
     found = StereoCameras.of(pair)
     left, right = (_side(path, kind, side, format) for side in (("left", found.left), ("right", found.right)))
     fits = [left[1], right[1]]
-    texts = kind.stereo_texts(replace(found, left=left[0], right=right[0]))
-    target = Path(path)
-    sides = [target.with_stem(f"{target.stem}_{side}") for side in ("left", "right")]
-    files = [target] if len(texts) == 1 else sides
+    texts, files = kind.stereo_texts(replace(found, left=left[0], right=right[0])), stereo_paths(path, format)
     for file in files:
         check_writable(file)
     for file, text, of in zip(files, texts, [fits] if len(texts) == 1 else [fits[:1], fits[1:]], strict=True):
