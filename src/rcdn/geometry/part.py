@@ -17,7 +17,8 @@ Size = tuple[int, int]
 
 def common_colour(boards: Iterable[Board], size: Size | None) -> bool | None:
     """Whether the square inside (0, 0) of the whole board of `size` (columns, rows) is dark, from those of `boards`
-    that show it whole; None if they do not tell, or disagree."""
+    that show it whole; None if they do not tell, or disagree. On a square board with an odd number of corners a side
+    it always is: a quarter turn exchanges the colours, and `labels_of` turns the boards on which it is bright."""
     if size is None or CHECKER.orientation(*size) == "unique":
         return None if size is None else True
     odd = size[0] % 2 == size[1] % 2 == 1  # a quarter turn exchanges the colours
@@ -26,6 +27,8 @@ def common_colour(boards: Iterable[Board], size: Size | None) -> bool | None:
         for b in boards
         if b.origin_dark is not None and b.size in (size, size[::-1])
     }
+    if odd and size[0] == size[1]:
+        return True if found else None
     return found.pop() if len(found) == 1 else None
 
 
@@ -40,20 +43,27 @@ def labels_of(board: Board, size: Size, dark: bool | None) -> Int[Array, "m 2"] 
     is unknown.
 
     A board whose bounding box has that size, holes included, is the whole one; one of the transposed size is rotated by
-    the quarter turn of `Board.grid_of`. A smaller one is placed if the picture's border cut it so that it has one place
-    only. `dark`: whether the square inside the whole board's (0, 0) is dark (`common_colour`); None if unknown: then no
-    part is placed.
+    the quarter turn of `Board.grid_of`, as is a square one of the other colours. A smaller one is placed if the
+    picture's border cut it so that it has one place only. `dark`: whether the square inside the whole board's (0, 0) is
+    dark (`common_colour`); None if unknown: then no part is placed.
     """
     if not len(board):
         return None
-    if board.size == size:
-        return np.asarray(board.ij - board.ij.min(axis=0))
+    own = np.asarray(board.ij - board.ij.min(axis=0))
+    if board.size == size and not _of_other_colours(board, dark):
+        return own
     if board.pattern != "checker":  # a deltille has no end that could be seen, and no quarter turns
         return None
-    if board.size == size[::-1]:
-        own = board.ij - board.ij.min(axis=0)
+    if board.size in (size, size[::-1]):
         return np.asarray(turn_labels(own, board.size, _quarter(board.size)))
     return None if board.target is not None else _place_of(board, size, dark)
+
+
+def _of_other_colours(board: Board, dark: bool | None) -> bool:
+    """Whether a plain `board` is a square one that a quarter turn brings to the colours `dark`."""
+    columns, rows = board.size
+    known = dark is not None and board.origin_dark is not None and board.target is None
+    return columns == rows and columns % 2 == 1 and known and board.origin_dark != dark
 
 
 def _place_of(board: Board, size: Size, dark: bool | None) -> Int[Array, "m 2"] | None:
