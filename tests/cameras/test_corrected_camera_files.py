@@ -247,6 +247,10 @@ def test_maps_of_a_pair_rectify(tmp_path):
         at = np.stack([found["map_x"][200, 300], found["map_y"][200, 300]])
     ray = R.T @ np.linalg.solve(P_left[:, :3], [300, 200, 1])
     assert at == pytest.approx(project(left, ray), abs=1e-3)
+    smaller = replace(pair, right=Camera(right.K / [[2], [2], [1]], right.distortion, (320, 240), right.model))
+    for file in write_stereo_maps(tmp_path / "sizes.npz", smaller):  # both have the left one's size
+        with np.load(file) as found:
+            assert found["map_x"].shape == left.image_size[::-1]
     with pytest.raises(FormatError, match="rectification"):
         write_stereo_maps(tmp_path / "b.npz", replace(pair, rectification=None))
     with pytest.raises(FormatError, match="which format"):

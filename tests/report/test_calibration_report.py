@@ -400,6 +400,14 @@ def test_undistorting_makes_a_ramp_of_rays_a_ramp_of_pixels(camera):
     assert np.degrees(np.arctan(320 / flat.K[0, 0])) <= HALF_VIEW + 1e-9
 
 
+@pytest.mark.parametrize("centre", [(-200, 240), (900, 240), (320, -150)])
+def test_a_sensor_beside_its_axis_is_shown_whole(centre):
+    """A cropped sensor: the principal point lies outside of the picture."""
+    camera = Camera([[800, 0, centre[0]], [0, 800, centre[1]], [0, 0, 1]], [], SIZE, "pinhole")
+    flat = undistorted_camera(camera)
+    np.testing.assert_allclose(flat.K, camera.K, rtol=1e-9, atol=1e-6)
+
+
 def test_undistorting_turns_as_rectification_does():
     """A small bright spot lands where `rectified.rectify` says."""
     R = rotation(np.array([0.03, -0.05, 0.02]))

@@ -25,6 +25,7 @@ from rcdn.calibration.rig_start import Key
 from rcdn.calibration.rig_task import RigTask
 from rcdn.calibration.stereo_verdict import judged_stereo
 from rcdn.errors import CalibrationError, ConfigError, many, shown
+from rcdn.geometry.undistort import resized
 from rcdn.types import Array, Board, Calibration, Camera, StereoCalibration
 from rcdn.types.calibration import SIDES
 
@@ -299,12 +300,13 @@ def _epipolar(task: RigTask, fit: robust.Fit) -> float:
 
 
 def _rectify(left: Camera, right: Camera, T: Array) -> tuple[Array, Array, Array, Array, Array]:
-    """Rotations, projections and Q that rectify both images to one plane (Bouguet's method, OpenCV's stereoRectify)."""
+    """Rotations, projections and Q that rectify both images to one plane (Bouguet's method, OpenCV's stereoRectify), of
+    the left image's size."""
     nothing = np.zeros(5)
     R1, R2, P1, P2, Q, *_ = cv2.stereoRectify(
         left.K,
         nothing,
-        right.K,
+        resized(right, left.image_size).K,  # it determines the focal length and the centre only
         nothing,
         left.image_size,
         T[:3, :3].copy(),

@@ -31,10 +31,13 @@ def undistorted_camera(camera: Camera) -> Camera:
     ends = np.array([[-0.5, cy], [width - 0.5, cy], [cx, -0.5], [cx, height - 0.5]])
     rays = unproject(camera, ends)
     most = np.tan(np.radians(HALF_VIEW))
-    across = np.abs(rays[[0, 1, 2, 3], [0, 0, 1, 1]])
+    outward = rays[[0, 1, 2, 3], [0, 0, 1, 1]] * [-1, 1, -1, 1]
     with np.errstate(divide="ignore", invalid="ignore"):
-        reach = np.where(rays[:, 2] > 0, across / rays[:, 2], np.inf)
-    reach = np.minimum(np.where(np.isfinite(reach) & (reach > 1e-6), reach, most), most)
+        reach = np.where(rays[:, 2] > 0, outward / rays[:, 2], np.inf)
+    reach = np.clip(np.where(np.isfinite(reach), reach, most), -most, most)  # < 0: the axis lies beyond that edge
+    for near, far in ((0, 1), (2, 3)):
+        if not reach[near] + reach[far] > 1e-6:
+            reach[[near, far]] = most
     f = max(width / (reach[0] + reach[1]), height / (reach[2] + reach[3]))
     centre = [width * reach[0] / (reach[0] + reach[1]) - 0.5, height * reach[2] / (reach[2] + reach[3]) - 0.5]
     K = np.array([[f, 0, centre[0]], [0, f, centre[1]], [0, 0, 1]])

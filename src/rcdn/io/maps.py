@@ -30,7 +30,8 @@ def write_maps(path: str | Path, camera: Camera) -> None:
 
 def write_stereo_maps(path: str | Path, pair: StereoCameras | StereoCalibration) -> list[Path]:
     """As `write_maps`, for two cameras: files `path` with _left and _right, whose maps also rectify; they also contain
-    `R` (3, 3), `P` (3, 4) and `Q` (4, 4) in OpenCV's notation. Raises FormatError for a pair without rectification."""
+    `R` (3, 3), `P` (3, 4) and `Q` (4, 4) in OpenCV's notation. Both rectified pictures have the size of the left
+    camera's. Raises FormatError for a pair without rectification."""
     found = StereoCameras.of(pair)
     if (turns := found.rectification) is None:
         raise FormatError(f"{path}: this pair has no rectification; calibrate it with `rcdn calibrate --stereo`")
@@ -42,7 +43,7 @@ def write_stereo_maps(path: str | Path, pair: StereoCameras | StereoCalibration)
         check_writable(file)
     sides = ((found.left, turns.R_left, turns.P_left), (found.right, turns.R_right, turns.P_right))
     for file, (camera, R, P) in zip(files, sides, strict=True):
-        flat = Camera(P[:, :3], np.zeros(0), camera.image_size, "pinhole")
+        flat = Camera(P[:, :3], np.zeros(0), found.left.image_size, "pinhole")
         _write(file, K=flat.K, R=R, P=P, Q=turns.Q, **_maps(camera, flat, R))
     return files
 

@@ -13,7 +13,7 @@ from rcdn.geometry import unproject
 from rcdn.io import as_grey
 from rcdn.report.calibration import pictures
 from rcdn.report.calibration.pictures import Framed, Pictures
-from rcdn.types import Array, Calibration, Camera, StereoCalibration
+from rcdn.types import Array, Camera, StereoCalibration
 
 LINES = 7
 """rows drawn across the rectified pictures"""
@@ -89,7 +89,7 @@ def _both(stereo: StereoCalibration, k: int, found: list[Array]) -> Iterator[Fra
         ("Right", stereo.right, stereo.R_right, stereo.P_right, b.xy[kb]),
     )
     for (name, calibration, R, P, xy), picture in zip(sides, found, strict=True):
-        image, spots = _rectified(calibration, R, P, xy, picture)
+        image, spots = _rectified(calibration.camera, R, P, stereo.left.camera.image_size, xy, picture)
         size = image.shape[1], image.shape[0]
         level = spots[pick][:, axis] if level is None else level
         ends = [[[-1, y], [size[0], y]] if axis else [[y, -1], [y, size[1]]] for y in level[np.isfinite(level)]]
@@ -98,13 +98,19 @@ def _both(stereo: StereoCalibration, k: int, found: list[Array]) -> Iterator[Fra
         yield Framed(size, pictures.jpeg(image, pictures.SAMPLE_QUALITY), overlay, alt)
 
 
-def _rectified(calibration: Calibration, R: Array, P: Array, xy: Array, picture: Array) -> tuple[Array, Array]:
-    """A photograph, rectified and reduced in size, and where it shows the pixels `xy` (N, 2) of the camera."""
-    camera = calibration.camera
-    factor = min(1.0, pictures.SAMPLE_WIDTH / max(camera.image_size))
-    size = round(camera.image_size[0] * factor), round(camera.image_size[1] * factor)
-    small = pictures.shrunk(as_grey(picture), size)
-    flat = Camera(P[:, :3], np.zeros(0), camera.image_size, "pinhole")
-    image = pictures.undistort(small, pictures.resized(camera, size), pictures.resized(flat, size), R)
-    ratio = np.array(size) / np.array(camera.image_size)
+def _rectified(
+    camera: Camera, R: Array, P: Array, whole: tuple[int, int], xy: Array, picture: Array
+) -> tuple[Array, Array]:
+    """A photograph, rectified to a picture of `whole` (width, height) px and reduced in size, and where it shows the
+    pixels `xy` (N, 2) of the camera."""
+    own, size = _reduced(camera.image_size), _reduced(whole)
+    small = pictures.shrunk(as_grey(picture), own)
+    flat = Camera(P[:, :3], np.zeros(0), whole, "pinhole")
+    image = pictures.undistort(small, pictures.resized(camera, own), pictures.resized(flat, size), R)
+    ratio = np.array(size) / np.array(whole)
     return image, (rectify(camera, R, P, xy) + 0.5) * ratio - 0.5
+
+
+def _reduced(size: tuple[int, int]) -> tuple[int, int]:
+    factor = min(1.0, pictures.SAMPLE_WIDTH / max(size))
+    return round(size[0] * factor), round(size[1] * factor)
