@@ -73,6 +73,23 @@ def test_removing_a_picture_removes_its_files(desk):
         desk.session.remove("frame-0001.png")
 
 
+def test_the_name_of_a_removed_picture_is_not_used_again(desk):
+    """The page keeps small copies by name."""
+    desk.take(2)
+    desk.session.remove("frame-0002.png")
+    desk.until(lambda s: not s["busy"])
+    assert desk.take(2)["views"] == ["frame-0001.png", "frame-0003.png"]
+
+
+def test_the_side_of_a_square_does_not_change_while_a_picture_is_taken(desk):
+    desk.take(1)
+    desk.session._set_busy("Calculating")
+    with pytest.raises(RcdnError, match="a picture is being taken"):
+        desk.session.begin(0.031)
+    desk.session._set_busy("")
+    assert len(desk.take(2)["views"]) == 2
+
+
 def test_nothing_is_taken_without_a_board(desk):
     desk.at = None
     desk.session.take()

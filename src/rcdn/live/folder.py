@@ -62,6 +62,7 @@ class Folder:
         elif (before := _read(path / SESSION).get("cameras", 1)) != cameras:
             fix = "one camera; leave --stereo out" if before == 1 else "two cameras; give --stereo"
             raise ConfigError(f"{path}: belongs to a session of {fix}, or name another folder")
+        self._last = 0  # number of the newest picture: that of a removed one isn't used again
         self._lock = self._locked()
 
     def _locked(self) -> IO[bytes] | None:
@@ -164,9 +165,10 @@ class Folder:
         All are on the disk when this returns."""
         every = [p for places in self._places for p in (self.path / places[0]).glob("*.png")]
         taken = [int(m[1]) for p in every if (m := NAME.fullmatch(p.name))]
-        if len(self.names()) >= MOST_PICTURES or max(taken, default=0) >= 9999:
+        if len(self.names()) >= MOST_PICTURES or max([self._last, *taken]) >= 9999:
             raise RcdnError(f"there are {MOST_PICTURES} pictures already; remove some")
-        name = f"frame-{max(taken, default=0) + 1:04d}.png"
+        self._last = max([self._last, *taken]) + 1
+        name = f"frame-{self._last:04d}.png"
         for camera, grey in enumerate(greys):
             write_image(self.picture(name, camera), grey)
         for camera, (grey, board) in enumerate(zip(greys, boards, strict=True)):

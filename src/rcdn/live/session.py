@@ -121,12 +121,14 @@ class Session:
     # ---- requests of the page
 
     def begin(self, spacing: float) -> None:
-        """Set the side of a square, m. Raises RcdnError if it is out of range, or if pictures were taken with another
-        one."""
+        """Set the side of a square, m. Raises RcdnError if it is out of range, if pictures were taken with another one,
+        or if one is being taken."""
         if not SPACINGS[0] <= spacing <= SPACINGS[1]:
             raise RcdnError(f"the side of a square must be {SPACINGS[0] * 1000:g} to {SPACINGS[1] * 1000:g} mm")
         with self._lock:
             if spacing != self.settings.spacing:
+                if self._busy and self._guide is not None:
+                    raise RcdnError("a picture is being taken; set the side of a square once that is done")
                 self.settings = self.folder.agree(replace(self.settings, spacing=spacing))
                 self._guide = None
         self.changed()
