@@ -57,6 +57,16 @@ def test_a_line_for_each_moment_and_all_in_the_json(made):
         assert np.array(record["cov"]).shape == (6, 6)
 
 
+def test_moments_are_in_the_order_that_people_count(made):
+    for name in ("c0", "c1"):
+        boards = json.loads(Path(f"{name}.json").read_text())
+        for image, number in zip(boards["images"], (10, 9, 2, 1), strict=True):
+            image["path"] = f"{name}/{number}.png"
+        Path(f"{name}.json").write_text(json.dumps(boards))
+    assert run("c0.json", "c1.json", "--rig", "rig.json", "--json", "poses.json").exit_code == 0
+    assert [r["moment"] for r in json.loads(Path("poses.json").read_text())["rig_poses"]] == ["1", "2", "9", "10"]
+
+
 def test_inputs_of_other_names_count_in_the_rigs_order(made):
     Path("c0.json").rename("left.json")
     Path("c1.json").rename("right.json")

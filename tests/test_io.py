@@ -4,6 +4,7 @@ import errno
 import io
 import os
 import stat
+import struct
 from pathlib import Path
 
 import cv2
@@ -535,3 +536,28 @@ def test_write_image_errors(tmp_path):
 def test_errors_are_rcdn_errors():
     assert issubclass(ImageError, RcdnError)
     assert issubclass(OutputError, RcdnError)
+
+
+def _tiff(big, order, orientation, pixels):
+    """A TIFF or BigTIFF of one strip, with this tag of the orientation."""
+    mark, (height, width) = {"II": "<", "MM": ">"}[order], pixels.shape
+    entries = {256: (4, width), 257: (4, height), 258: (3, 8), 259: (3, 1), 262: (3, 1), 273: (4, 0),
+               274: (3, orientation), 277: (3, 1), 278: (4, height), 279: (4, width * height)}  # fmt: skip
+    head = struct.pack(f"{mark}HHHQ", 43, 8, 0, 16) if big else struct.pack(f"{mark}HI", 42, 8)
+    whole, room = ("Q", 8) if big else ("I", 4)
+    start = 2 + len(head) + (8 + 20 * len(entries) + 8 if big else 2 + 12 * len(entries) + 4)
+    entries[273] = (4, start)
+    out = order.encode() + head + struct.pack(mark + ("Q" if big else "H"), len(entries))
+    for tag, (kind, value) in entries.items():
+        shown = struct.pack(mark + ("H" if kind == 3 else "I"), value).ljust(room, b"\0")
+        out += struct.pack(f"{mark}HH{whole}", tag, kind, 1) + shown
+    return out + struct.pack(mark + whole, 0) + pixels.tobytes()
+
+
+@pytest.mark.parametrize("big", [False, True])
+@pytest.mark.parametrize("order", ["II", "MM"])
+@pytest.mark.parametrize("orientation", [1, 3, 6])
+def test_a_tiffs_orientation_is_left_as_stored(tmp_path, big, order, orientation):
+    pixels = np.random.default_rng(0).integers(0, 256, (40, 60), np.uint8)
+    (tmp_path / "a.tif").write_bytes(_tiff(big, order, orientation, pixels))
+    assert np.array_equal(read_image(tmp_path / "a.tif"), pixels)

@@ -202,6 +202,22 @@ def test_frames_of_videos_become_pictures(run):
     assert sorted(p.name for p in Path("out/clip.avi").iterdir()) == ["000000.png", "000001.png", "000002.png"]
 
 
+def test_that_the_camera_of_earlier_pictures_is_replaced_is_said(run):
+    """A file of somebody else's with its name isn't; the same camera again is no other one."""
+    picture("in/a.png")
+    for _ in range(2):
+        assert "another camera" not in run("camera.yaml", "in", "--out", "out").stderr
+    before = Path("out/undistorted-camera.yaml").read_bytes()
+    result = run("camera.yaml", "in", "--out", "out", "--scale", "0.5")
+    assert result.exit_code == 0
+    assert "held another camera" in result.stderr
+    Path("out/undistorted-camera.yaml").write_text("mine")
+    assert run("camera.yaml", "in", "--out", "out").exit_code == 2
+    assert Path("out/undistorted-camera.yaml").read_text() == "mine"
+    assert run("camera.yaml", "in", "--out", "out", "--overwrite").exit_code == 0
+    assert Path("out/undistorted-camera.yaml").read_bytes() == before
+
+
 def test_nothing_of_others_is_written_over_and_a_second_run_replaces_the_first(run):
     picture("in/a.png")
     picture("in/b.jpg")

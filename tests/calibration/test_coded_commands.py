@@ -14,7 +14,7 @@ from tests.saved_boards import save
 from rcdn.calibration.coded import same_boards
 from rcdn.errors import FormatError
 from rcdn.io import ImageResult, read_calibration, read_vnl, write_vnl
-from rcdn.types import Corners
+from rcdn.types import Board, Corners
 from rcdn_lab.camera_scenes import CAMERAS, random_boards
 
 CAMERA = CAMERAS["brown"]
@@ -105,6 +105,15 @@ def test_parts_of_a_charuco_board_stand_at_their_place_in_mrcals_file(tmp_path):
     (tags,), _ = coded_boards(CAMERA, APRILGRID, 0.04, seed=6, views=1, share=1)
     with pytest.raises(FormatError, match="AprilGrid aren't even"):
         write_vnl(tmp_path / "tags.vnl", [replace(images[0], boards=(tags,))], (10, 8))
+
+
+def test_triangles_are_no_grid_of_mrcals_file(tmp_path):
+    ij = np.array([(i, j) for j in range(4) for i in range(5)])
+    xy = np.column_stack([ij[:, 0] + ij[:, 1] / 2, ij[:, 1] * np.sqrt(0.75)]) * 40 + 100
+    many, status = np.ones(len(ij)), np.zeros(len(ij), np.uint8)
+    board = Board(xy, ij, (640, 480), many, status, "ambiguous_120", pattern="deltille")
+    write_vnl(tmp_path / "corners.vnl", [ImageResult("a.png", 640, 480, Corners(xy, many, status), (board,))], (5, 4))
+    assert not np.isfinite(read_vnl(tmp_path / "corners.vnl")["a.png"]).any()
 
 
 def test_boards_of_one_target_are_pairs_wherever_they_come_in_the_pictures():

@@ -251,6 +251,26 @@ def test_files_of_a_folder_are_one_rig_in_any_order(tmp_path, kind):
         same_rig(made, found)
 
 
+@pytest.mark.parametrize("kind", ["aniposelib", "caliscope"])
+@pytest.mark.parametrize("angle", [0, 1e-9, 1e-5, np.pi - 1e-6, np.pi])
+def test_small_turns_and_half_turns_are_kept(tmp_path, kind, angle):
+    turned = np.eye(4)
+    turned[:3, :3] = rotation(angle * np.array([0.6, 0, 0.8]))
+    made = Rig(("a", "b"), (camera("brown4"),) * 2, (Pose(np.eye(4)), Pose(turned)))
+    write_rig(tmp_path / NAMES[kind], made)
+    found = read_rig(tmp_path / NAMES[kind])
+    np.testing.assert_allclose(found.poses[1].T_cam_board, turned, atol=1e-13)
+
+
+def test_two_files_of_a_rig_of_two_are_converted_as_a_rig(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    made = rig(("brown4", "brown4"))
+    plain = Rig(("a", "b"), made.cameras, made.poses)
+    write_rig("rig.yaml", plain)
+    assert CliRunner().invoke(app, ["convert", "rig_a.yaml", "rig_b.yaml", "back.json"]).exit_code == 0
+    same_rig(plain, read_rig("back.json"))
+
+
 def test_what_one_file_a_camera_lacks_is_named(tmp_path):
     made = rig(("brown4", "pinhole"))
     plain = Rig(("a", "b"), made.cameras, made.poses)

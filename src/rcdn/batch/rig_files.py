@@ -20,7 +20,7 @@ def holds_rig(inputs: Sequence[Path], out: Path) -> bool:
     if files or any(_named_rig(path) for path in (*inputs, out)) or _template(inputs):
         return True
     if len(inputs) > 1:
-        return any(_has_transforms(path) for path in inputs)
+        return any(_has_transforms(path) for path in inputs) or _of_one_rig(inputs)
     from rcdn.io import read_cameras
     from rcdn.io.cameras import is_rig
 
@@ -37,6 +37,17 @@ def _template(inputs: Sequence[Path]) -> bool:
     from rcdn.io.rig_folder import siblings
 
     return len(inputs) == 1 and bool(siblings(inputs[0]))
+
+
+def _of_one_rig(inputs: Sequence[Path]) -> bool:
+    """Whether each file is OpenCV's of one camera of a rig."""
+    from rcdn.errors import RcdnError
+    from rcdn.io import read_rig
+
+    try:
+        return len(read_rig(*inputs)) == len(inputs)
+    except RcdnError:
+        return False
 
 
 def _has_transforms(path: Path) -> bool:

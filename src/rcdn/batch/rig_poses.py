@@ -76,6 +76,8 @@ def _named(rig: Rig, cameras: Mapping[str, list[str]], path: Path) -> dict[str, 
 def _moments(found: Mapping[str, Gathered], size: tuple[int, int] | None) -> dict[str, dict[str, Board]]:
     """By moment and camera the largest board of the picture, of the given `size` if any; moments without a board are
     left out."""
+    from rcdn.io.finding import natural
+
     keys, way = moments_of([[image.path for image in got.images] for got in found.values()])
     if way != "name":
         console.note(f"note: pictures belong together by {way}")
@@ -85,7 +87,7 @@ def _moments(found: Mapping[str, Gathered], size: tuple[int, int] | None) -> dic
             boards = [b for b in image.boards if size is None or (b.complete and sorted(b.size) == sorted(size))]
             if boards:
                 out.setdefault(moment, {})[name] = max(boards, key=lambda b: (b.target is not None, len(b)))
-    return dict(sorted(out.items()))
+    return dict(sorted(out.items(), key=lambda item: natural(item[0])))
 
 
 def _line(moment: str, pose: RigPoseEstimate) -> str:

@@ -81,7 +81,11 @@ def undistort(
         typer.Option("--camera-name", metavar="NAME", help="Which camera of a file with several: left, cam1, …"),
     ] = None,
     overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Also write over files that rcdn hasn't marked as its own.")
+        bool,
+        typer.Option(
+            "--overwrite",
+            help="Also write over files that rcdn hasn't marked as its own.",
+        ),
     ] = False,
     max_megapixels: MaxMegapixels = None,
     quiet: Quiet = False,
@@ -101,6 +105,8 @@ def undistort(
     lens = chosen_camera(camera, camera_name)
     paths, unread = _inputs(images, out, camera)
     make = _undistortion(lens, balance, scale, crop)
+    if not overwrite:
+        _check_camera_file(out / CAMERA_FILE, make.flat)
     write_camera(out / CAMERA_FILE, make.flat)
     run = _Run(failed=unread, places=Places(overwrite))
     _undistort_all(run, paths, out, make)
@@ -126,6 +132,24 @@ def _inputs(images: Sequence[str], out: Path, camera: Path) -> tuple[list[Path],
         raise ConfigError(f"--out {out}: the camera's own file would be written over; choose another folder")
     check_writable(out / CAMERA_FILE)
     return kept, len(errors)
+
+
+def _check_camera_file(path: Path, flat: Camera) -> None:
+    """Print a note if there is a camera in `path` already that isn't `flat`: the pictures of an earlier run beside it
+    are of that one. Raises ConfigError if the file holds none."""
+    from rcdn.io import read_camera
+
+    if not os.path.lexists(path):
+        return
+    try:
+        there = read_camera(path)
+    except RcdnError as error:
+        raise ConfigError(
+            f"{path}: is there already, and isn't rcdn's; choose another --out, or --overwrite"
+        ) from error
+    same = there.image_size == flat.image_size and there.model == flat.model
+    if not same or there.parameters.tolist() != flat.parameters.tolist():
+        console.note(f"note: {path} held another camera, that of pictures of an earlier run; it is replaced")
 
 
 def _undistortion(camera: Camera, balance: float, scale: float, crop: bool) -> Undistortion:

@@ -33,8 +33,16 @@ def rotation_angle(R: Real[Array, "3 3"]) -> float:
 
 
 def rotation_vector(R: Real[Array, "3 3"]) -> Real[Array, " 3"]:
-    """Rotation vector (3,) of a rotation by less than half a turn, rad."""
-    axis = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / 2
-    sine = float(np.linalg.norm(axis))
-    angle = np.arctan2(sine, (np.trace(R) - 1) / 2)
-    return np.asarray(axis * (angle / sine if sine > 1e-12 else 1.0))
+    """Rotation vector (3,), rad, of a rotation (3, 3), accurate for angles near 0 and π, where cv2.Rodrigues isn't."""
+    a, b, c = R
+    # the quaternion (x, y, z, w) is the eigenvector of the largest eigenvalue
+    K = np.array([
+        [a[0] - b[1] - c[2], b[0] + a[1], c[0] + a[2], c[1] - b[2]],
+        [b[0] + a[1], b[1] - a[0] - c[2], c[1] + b[2], a[2] - c[0]],
+        [c[0] + a[2], c[1] + b[2], c[2] - a[0] - b[1], b[0] - a[1]],
+        [c[1] - b[2], a[2] - c[0], b[0] - a[1], a[0] + b[1] + c[2]],
+    ])  # fmt: skip
+    q = np.linalg.eigh(K)[1][:, -1]
+    axis, w = q[:3] * np.copysign(1, q[3]), abs(q[3])
+    length = np.linalg.norm(axis)
+    return np.asarray(axis * (2 * np.arctan2(length, w) / length if length else 0))

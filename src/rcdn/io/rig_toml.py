@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from rcdn.errors import FormatError
-from rcdn.geometry.rigid import motion
+from rcdn.geometry.rigid import motion, rotation_vector
 from rcdn.io.cameras.base import opencv_camera, pinhole_numbers
 from rcdn.io.cameras.yaml_text import flow
 from rcdn.io.fields import numbers, rigid, two_whole_numbers
@@ -33,7 +33,7 @@ def text(names: tuple[str, ...], cameras: list[Camera], places: list[Array], nes
         lines += (
             f"\n[{table}]\n{head}\nsize = [{camera.image_size[0]}, {camera.image_size[1]}]\n"
             f"matrix = [{', '.join(flow(row) for row in camera.K)}]\ndistortions = {flow(d)}\n"
-            f"rotation = {flow(cv2.Rodrigues(T[:3, :3])[0].ravel())}\ntranslation = {flow(T[:3, 3])}\n"
+            f"rotation = {flow(rotation_vector(T[:3, :3]))}\ntranslation = {flow(T[:3, 3])}\n"
             f"fisheye = {'true' if camera.model == 'fisheye' else 'false'}\n"
         )
     return lines.lstrip()

@@ -77,14 +77,20 @@ def _uninflatable(strip: bytes, room: int) -> str:
 
 def as_stored(data: bytes) -> bytes:
     """`data` with a TIFF's orientation set to "as stored": OpenCV's TIFF reader has no option to ignore it."""
-    order = {b"II*\0": "<", b"MM\0*": ">"}.get(data[:4])
-    if order is None or len(data) < 8:
+    order = {b"II": "<", b"MM": ">"}.get(data[:2])
+    if order is None or len(data) < 16:
         return data
-    start = struct.unpack_from(f"{order}I", data, 4)[0]
-    if start + 2 > len(data):
+    # where the place of the directory stands, the types of a place and of a count, bytes of an entry and before a value
+    layouts = {42: (4, "I", "H", 12, 8), 43: (8, "Q", "Q", 20, 12)}  # classic TIFF; BigTIFF
+    layout = layouts.get(struct.unpack_from(f"{order}H", data, 2)[0])
+    if layout is None:
         return data
-    count = struct.unpack_from(f"{order}H", data, start)[0]
-    for entry in range(start + 2, min(start + 2 + 12 * count, len(data) - 11), 12):
+    at, place, number, size, before = layout
+    start, head = struct.unpack_from(order + place, data, at)[0], struct.calcsize(order + number)
+    if start + head > len(data):
+        return data
+    count = struct.unpack_from(order + number, data, start)[0]
+    for entry in range(start + head, min(start + head + size * count, len(data) - size + 1), size):
         if struct.unpack_from(f"{order}H", data, entry)[0] == ORIENTATION:
-            return data[: entry + 8] + struct.pack(f"{order}H", 1) + data[entry + 10 :]
+            return data[: entry + before] + struct.pack(f"{order}H", 1) + data[entry + before + 2 :]
     return data

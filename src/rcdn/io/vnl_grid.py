@@ -36,7 +36,7 @@ class VnlGrid:
         """The board's corners on this grid (rows, columns, 2), NaN for missing ones; None if the board doesn't
         match."""
         if self.key is None:
-            return None if board.pattern == "aprilgrid" else board.grid_of(self.size)
+            return board.grid_of(self.size) if board.pattern == "checker" else None
         if key_of(board) != self.key:
             return None
         columns, rows = self.size[::-1] if self.turned else self.size

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from rcdn.errors import FormatError, RcdnError, shown
-from rcdn.geometry.rigid import motion
+from rcdn.geometry.rigid import motion, rotation_vector
 from rcdn.geometry.splined import Splined, camera_of, splined_of
 from rcdn.io.cameras.base import Format, LensFit, make_camera, matrix, opencv_camera, pinhole_numbers, unheld
 from rcdn.io.cameras.rig import StereoCameras
@@ -65,24 +65,8 @@ def _fit(camera: Camera) -> LensFit:
 
 def _stereo_texts(pair: StereoCameras) -> tuple[str, ...]:
     T = pair.T_right_left
-    rt = np.concatenate([_rotation_vector(T[:3, :3]), T[:3, 3]])
+    rt = np.concatenate([rotation_vector(T[:3, :3]), T[:3, 3]])
     return _file(pair.left, np.zeros(6)), _file(pair.right, rt)
-
-
-def _rotation_vector(R: Array) -> Real[Array, " 3"]:
-    """Rotation vector (3,) of a rotation (3, 3), accurate for angles near 0 and π, where cv2.Rodrigues isn't."""
-    a, b, c = R
-    # the quaternion (x, y, z, w) is the eigenvector of the largest eigenvalue
-    K = np.array([
-        [a[0] - b[1] - c[2], b[0] + a[1], c[0] + a[2], c[1] - b[2]],
-        [b[0] + a[1], b[1] - a[0] - c[2], c[1] + b[2], a[2] - c[0]],
-        [c[0] + a[2], c[1] + b[2], c[2] - a[0] - b[1], b[0] - a[1]],
-        [c[1] - b[2], a[2] - c[0], b[0] - a[1], a[0] + b[1] + c[2]],
-    ])  # fmt: skip
-    q = np.linalg.eigh(K)[1][:, -1]
-    axis, w = q[:3] * np.copysign(1, q[3]), abs(q[3])
-    length = np.linalg.norm(axis)
-    return np.asarray(axis * (2 * np.arctan2(length, w) / length if length else 0))
 
 
 def _load(path: str, text: str) -> Any:
