@@ -13,7 +13,7 @@ from rcdn.batch.known_cameras import known_cameras, known_pair
 from rcdn.batch.rig_runs import _and_beside_them
 from rcdn.cli import app
 from rcdn.errors import ConfigError
-from rcdn.io import read_stereo_calibration, write_camera, write_rig
+from rcdn.io import read_camera, read_stereo_calibration, write_camera, write_rig
 from rcdn.types import Pose, Rig
 from rcdn_lab.camera_scenes import SPACING
 from rcdn_lab.rig_scenes import row
@@ -149,6 +149,20 @@ def test_a_known_camera_is_not_overwritten(made, given):
     assert result.exit_code == 2
     assert "would overwrite an input" in result.stderr
     assert Path("lenses/right.yaml").read_bytes() == before
+
+
+@pytest.mark.parametrize("file", ["rig.json", "rig.toml", "camera_array.toml", "rig_config.json"])
+def test_one_camera_of_a_rig_is_chosen_by_its_name(made, file):
+    if file == "rig_config.json":
+        write_rig(file, Rig(("left", "right"), made, (Pose(np.eye(4)), Pose(np.eye(4)))))
+    name = {"camera_array.toml": "1"}.get(file, "right")
+    convert = CliRunner().invoke(app, ["convert", file, "one.yaml", "--camera-name", name])
+    assert convert.exit_code == 0, convert.output
+    assert read_camera("one.yaml").K.tolist() == made[1].K.tolist()
+    unknown = CliRunner().invoke(app, ["convert", file, "two.yaml", "--camera-name", "top"])
+    assert unknown.exit_code == 1
+    assert "not 'top'" in unknown.stderr
+    assert CliRunner().invoke(app, ["compare", file, "one.yaml", "--camera-name", name]).exit_code == 0
 
 
 @pytest.mark.parametrize(("several", "output"), [("--stereo", "camera_info.yaml"), ("--rig", "lens.yaml")])

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rcdn.errors import ConfigError, FormatError
+from rcdn.errors import ConfigError, FormatError, shown
 from rcdn.terminal import console
 
 if TYPE_CHECKING:
@@ -21,12 +21,33 @@ EXACT = 0.01
 
 def chosen_camera(path: Path, name: str | None, option: str = "CAMERA") -> Camera:
     """The camera of a file, or the one called `name`. Raises ConfigError if the file holds several and no `name` is
-    given; FormatError as `read_camera`."""
-    from rcdn.io import read_camera, read_cameras
+    given, FormatError if there is none of that name, and as `cameras_of`."""
+    found = cameras_of(path)
+    if name is None and len(found) == 1:
+        return next(iter(found.values()))
+    if name is None:
+        raise ConfigError(f"{option} {path} holds several cameras; choose one: --camera-name {' | '.join(found)}")
+    if name not in found:
+        raise FormatError(f"{path}: holds the cameras {', '.join(found)}; name one of them, not {shown(name)}")
+    return found[name]
 
-    if name is None and len(many := read_cameras(path)) > 1:
-        raise ConfigError(f"{option} {path} holds several cameras; choose one: --camera-name {' | '.join(many)}")
-    return read_camera(path, name=name)
+
+def cameras_of(path: Path) -> Mapping[str, Camera]:
+    """All cameras of a file by name, those of rigs included. Raises FormatError as `read_cameras` and `read_rig`."""
+    from rcdn.io import read_cameras, read_rig
+
+    if path.suffix.lower() != ".toml" and not _is_colmap_rig(path):
+        return read_cameras(path)
+    rig = read_rig(path)
+    return dict(zip(rig.names, rig.cameras, strict=True))
+
+
+def _is_colmap_rig(path: Path) -> bool:
+    try:
+        with open(path, "rb") as file:
+            return path.suffix.lower() == ".json" and file.read(64).lstrip().startswith(b"[")
+    except OSError:
+        return False
 
 
 def check_format(path: Path, format: CameraFormat | None, rig: bool = False) -> None:

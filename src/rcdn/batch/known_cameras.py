@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rcdn.batch.camera_files import cameras_of
 from rcdn.errors import ConfigError, FormatError
 from rcdn.terminal import console
 
@@ -100,7 +101,7 @@ def _cameras(name: str, path: Path) -> Mapping[str, Camera]:
     """The cameras of a file or a folder, by name."""
     if path.is_dir():
         return _of_folder(name, path)
-    several = _several(path)
+    several = cameras_of(path)
     if not name:
         return several if len(several) > 1 else {_stem(path): next(iter(several.values()))}
     if len(several) > 1:
@@ -118,7 +119,7 @@ def _of_folder(name: str, folder: Path) -> Mapping[str, Camera]:
     found: dict[str, Camera] = {}
     for path in files:
         try:
-            several = _several(path)
+            several = cameras_of(path)
         except FormatError:
             continue  # the folder may contain other files, too: extrinsics, notes
         if len(several) == 1:
@@ -126,15 +127,6 @@ def _of_folder(name: str, folder: Path) -> Mapping[str, Camera]:
     if not found:
         raise ConfigError(f"--camera {folder}: no file in it holds one camera; give a file a camera, such as left.yaml")
     return found
-
-
-def _several(path: Path) -> Mapping[str, Camera]:
-    from rcdn.io import read_cameras, read_rig
-
-    if path.suffix.lower() == ".toml":
-        rig = read_rig(path)
-        return dict(zip(rig.names, rig.cameras, strict=True))
-    return read_cameras(path)
 
 
 def _stem(path: Path) -> str:

@@ -99,9 +99,10 @@ def compare(
 
 
 def _read(path: Path, name: str | None) -> Camera | Calibration:
-    from rcdn.io import read_calibrations, read_cameras
+    from rcdn.batch.camera_files import cameras_of
+    from rcdn.io import read_calibrations
 
-    members: dict[str, Camera | Calibration] = {**read_cameras(path), **read_calibrations(path)}
+    members: dict[str, Camera | Calibration] = {**cameras_of(path), **read_calibrations(path)}
     if len(members) == 1:
         return next(iter(members.values()))
     if name not in members:

@@ -170,10 +170,17 @@ def _is_json(path: Path) -> bool:
 
 
 def _convert_cameras(inputs: Sequence[Path], out: Path, to: str | None, name: str | None, lossy: bool) -> None:
-    from rcdn.batch.camera_files import check_exact, check_format, holds_maps, write_calibrated, write_one
+    from rcdn.batch.camera_files import (
+        check_exact,
+        check_format,
+        chosen_camera,
+        holds_maps,
+        write_calibrated,
+        write_one,
+    )
     from rcdn.batch.rig_files import convert_rig, holds_rig
     from rcdn.calibration.plain_lens import plain_fit
-    from rcdn.io import read_calibrations, read_camera, read_cameras
+    from rcdn.io import read_calibrations, read_cameras
 
     format: CameraFormat | None = to  # type: ignore[assignment]
     if name is None and holds_rig(inputs, out):
@@ -194,7 +201,7 @@ def _convert_cameras(inputs: Sequence[Path], out: Path, to: str | None, name: st
                 check_exact(out, "the camera's lens", plain_fit(str(out), known, format))
             write_calibrated(out, known, format)
         else:
-            camera = read_camera(inputs[0], name=name)
+            camera = chosen_camera(inputs[0], name, "IN")
             _check_loss(out, {"": camera}, format, lossy)
             write_one(out, camera, format)
     if calibrations:

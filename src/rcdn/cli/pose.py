@@ -106,6 +106,8 @@ def pose(
         rig_poses(present(rig, "--rig"), inputs, length, settings, json)
         return
     got = settings.gather(inputs)
+    for note in got.notes:
+        console.note(note)
     note_target(config.target, got)
     check_spacing(length, sizes_of([found for image in got.images for found in image.boards], size))
 
