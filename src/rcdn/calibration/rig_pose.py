@@ -115,9 +115,7 @@ def _same(board: Board, largest: Board) -> bool:
 def _turns(board: Board, largest: Board) -> tuple[int, ...]:
     """Numbers of quarter turns that may take the labels of a board to those of the `largest`: those after which size
     and colours are the same."""
-    if board.target is not None or board.orientation == "unique":
-        return (0,)
-    if board.orientation not in ("ambiguous_180", "ambiguous_90"):
+    if board.target is not None or board.orientation not in ("ambiguous_180", "ambiguous_90"):
         return (0,)
     columns, rows = board.size
     if columns != rows:

@@ -81,11 +81,7 @@ def undistort(
         typer.Option("--camera-name", metavar="NAME", help="Which camera of a file with several: left, cam1, …"),
     ] = None,
     overwrite: Annotated[
-        bool,
-        typer.Option(
-            "--overwrite",
-            help="Also write over files that rcdn hasn't marked as its own.",
-        ),
+        bool, typer.Option("--overwrite", help="Also write over files that rcdn hasn't marked as its own.")
     ] = False,
     max_megapixels: MaxMegapixels = None,
     quiet: Quiet = False,
