@@ -22,6 +22,7 @@ from rcdn.geometry.order import turn_labels
 from rcdn.types import Array, Board, BoardShape, Rig, RigPoseEstimate
 from rcdn.types.arrays import Real
 
+TURNS = {"unique": (0,), "ambiguous_180": (0, 2), "ambiguous_90": (0, 1, 2, 3)}
 PART = "it shows a part of the board, and nobody knows which"
 APART = "it sees the board elsewhere than the other cameras"
 
@@ -79,10 +80,8 @@ class _Agreed:
 def _sights(
     boards: Mapping[str, Board], rig: Rig, spacing: float, shape: BoardShape | None
 ) -> tuple[dict[str, _Sight], dict[str, str]]:
-    """The observations of the cameras, turned to the labels of the one that shows the most corners, and the reasons why
-    others have none."""
-    first = max(boards, key=lambda name: len(boards[name]))
-    largest = boards[first]
+    """The observations of the cameras, and the reasons why others have none."""
+    largest = max(boards.values(), key=len)
     found, reasons = {}, {}
     for name, board in boards.items():
         if not _same(board, largest):
@@ -92,17 +91,13 @@ def _sights(
         try:
             places = {
                 turn: _places(_turned(board, turn), rig, k, spacing, shape)
-                for turn in ((0,) if name == first else _turns(board, largest))
+                for turn in (TURNS.get(board.orientation, (0,)) if board.target is None else (0,))
             }
         except CalibrationError as error:
             reasons[name] = str(error)
             continue
-        place = next(iter(places.values()))[0]
-        found[name] = _Sight(places, float(np.linalg.norm((rig.T_cam_rig[k] @ place)[:3, 3])))
-    if first in found or len(boards) == 1:
-        return found, reasons
-    found, others = _sights({n: b for n, b in boards.items() if n != first}, rig, spacing, shape)
-    return found, {first: reasons[first], **others}
+        found[name] = _Sight(places, float(np.linalg.norm((rig.T_cam_rig[k] @ places[0][0])[:3, 3])))
+    return found, reasons
 
 
 def _same(board: Board, largest: Board) -> bool:
@@ -110,19 +105,6 @@ def _same(board: Board, largest: Board) -> bool:
     if board.target is None or largest.target is None:
         return board.target is None and largest.target is None and sorted(board.size) == sorted(largest.size)
     return identity(board.target) == identity(largest.target)
-
-
-def _turns(board: Board, largest: Board) -> tuple[int, ...]:
-    """Numbers of quarter turns that may take the labels of a board to those of the `largest`: those after which size
-    and colours are the same."""
-    if board.target is not None or board.orientation not in ("ambiguous_180", "ambiguous_90"):
-        return (0,)
-    columns, rows = board.size
-    if columns != rows:
-        return (0, 2) if board.size == largest.size else (1, 3)
-    if columns % 2 == 0 or board.origin_dark is None or largest.origin_dark is None:
-        return (0, 1, 2, 3)
-    return (0, 2) if board.origin_dark == largest.origin_dark else (1, 3)
 
 
 def _turned(board: Board, turn: int) -> Board:

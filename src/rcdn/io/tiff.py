@@ -17,14 +17,10 @@ _PIECE = 1 << 20  # bytes inflated at once
 def tags(data: bytes) -> dict[int, list[int]]:
     """The integer values of the first page by tag: sizes and offsets; the values of a repeated tag are concatenated.
     Raises struct.error if the file is truncated."""
-    order = "<" if data[:2] == b"II" else ">"
-    big = data[2:4] in (b"+\0", b"\0+")
-    place, room, step = (f"{order}Q", 8, 20) if big else (f"{order}I", 4, 12)
-    at = struct.unpack_from(place, data, 8 if big else 4)[0]
-    count = struct.unpack_from(place if big else f"{order}H", data, at)[0]
-    first = at + (8 if big else 2)
+    order, room, entries = _directory(data)
+    place, step = f"{order}{'Q' if room == 8 else 'I'}", entries.step
     found: dict[int, list[int]] = {}
-    for entry in range(first, first + step * min(count, _MOST_TAGS), step):
+    for entry in entries[:_MOST_TAGS]:
         tag, kind = struct.unpack_from(f"{order}HH", data, entry)
         if kind not in _VALUES or tag not in _WANTED:
             continue
@@ -37,6 +33,18 @@ def tags(data: bytes) -> dict[int, list[int]]:
             value = struct.unpack_from(place, data, value)[0]
         found.setdefault(tag, []).extend(struct.unpack_from(f"{order}{many}{_VALUES[kind]}", data, value))
     return found
+
+
+def _directory(data: bytes) -> tuple[str, int, range]:
+    """Byte order, bytes of a value in an entry (4, in a BigTIFF 8) and the offsets of the entries of the first page.
+    Raises struct.error if the file is truncated."""
+    order = "<" if data[:2] == b"II" else ">"
+    big = data[2:4] in (b"+\0", b"\0+")
+    place, room, step = (f"{order}Q", 8, 20) if big else (f"{order}I", 4, 12)
+    at = struct.unpack_from(place, data, 8 if big else 4)[0]
+    count = struct.unpack_from(place if big else f"{order}H", data, at)[0]
+    first = at + (8 if big else 2)
+    return order, room, range(first, first + step * count, step)
 
 
 def damage(data: bytes) -> str:
@@ -77,20 +85,14 @@ def _uninflatable(strip: bytes, room: int) -> str:
 
 def as_stored(data: bytes) -> bytes:
     """`data` with a TIFF's orientation set to "as stored": OpenCV's TIFF reader has no option to ignore it."""
-    order = {b"II": "<", b"MM": ">"}.get(data[:2])
-    if order is None or len(data) < 16:
+    if data[:4] not in (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"):
         return data
-    # where the place of the directory stands, the types of a place and of a count, bytes of an entry and before a value
-    layouts = {42: (4, "I", "H", 12, 8), 43: (8, "Q", "Q", 20, 12)}  # classic TIFF; BigTIFF
-    layout = layouts.get(struct.unpack_from(f"{order}H", data, 2)[0])
-    if layout is None:
-        return data
-    at, place, number, size, before = layout
-    start, head = struct.unpack_from(order + place, data, at)[0], struct.calcsize(order + number)
-    if start + head > len(data):
-        return data
-    count = struct.unpack_from(order + number, data, start)[0]
-    for entry in range(start + head, min(start + head + size * count, len(data) - size + 1), size):
-        if struct.unpack_from(f"{order}H", data, entry)[0] == ORIENTATION:
-            return data[: entry + before] + struct.pack(f"{order}H", 1) + data[entry + before + 2 :]
+    try:
+        order, room, entries = _directory(data)
+        for entry in entries:
+            if struct.unpack_from(f"{order}H", data, entry)[0] == ORIENTATION and entry + entries.step <= len(data):
+                value = entry + entries.step - room
+                return data[:value] + struct.pack(f"{order}H", 1) + data[value + 2 :]
+    except struct.error:
+        pass  # libtiff reports the truncated file
     return data
