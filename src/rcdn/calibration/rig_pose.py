@@ -19,6 +19,7 @@ from rcdn.calibration.solver import BEHIND, Normal
 from rcdn.calibration.uncertainty import pose_covariance
 from rcdn.errors import CalibrationError, ConfigError
 from rcdn.geometry.order import turn_labels
+from rcdn.geometry.part import labels_of
 from rcdn.types import Array, Board, BoardShape, Rig, RigPoseEstimate
 from rcdn.types.arrays import Real
 
@@ -49,6 +50,7 @@ def estimate_rig_pose(
                 f"boards[{name!r}]: the picture has {board.image_size} px, the camera "
                 f"{tuple(rig.cameras[rig.index(name)].image_size)}"
             )
+    boards = _labelled_alike(boards)
     sights, reasons = _sights(boards, rig, spacing, shape)
     if not sights:
         raise CalibrationError("; ".join(f"{name}: {why}" for name, why in reasons.items()))
@@ -58,6 +60,19 @@ def estimate_rig_pose(
         if name not in best.turns:
             reasons[name] = PART if boards[name].size != boards[first].size and boards[name].target is None else APART
     return _estimated(boards, rig, spacing, shape, best, reasons)
+
+
+def _labelled_alike(boards: Mapping[str, Board]) -> dict[str, Board]:
+    """The boards with the labels that whole plain ones have on the board that shows the most corners (`labels_of`): of
+    its size and, where a quarter turn exchanges them, of its colours."""
+    largest = max(boards.values(), key=len)
+    out = dict(boards)
+    for name, board in boards.items():
+        if board.target is None and _same(board, largest):
+            labels = labels_of(board, largest.size, largest.origin_dark)
+            if labels is not None and not np.array_equal(labels, board.ij - board.ij.min(axis=0)):
+                out[name] = replace(board, ij=labels)
+    return out
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,10 +104,7 @@ def _sights(
             continue
         k = rig.index(name)
         try:
-            places = {
-                turn: _places(_turned(board, turn), rig, k, spacing, shape)
-                for turn in (TURNS.get(board.orientation, (0,)) if board.target is None else (0,))
-            }
+            places = {turn: _places(_turned(board, turn), rig, k, spacing, shape) for turn in _turns(board)}
         except CalibrationError as error:
             reasons[name] = str(error)
             continue
@@ -105,6 +117,15 @@ def _same(board: Board, largest: Board) -> bool:
     if board.target is None or largest.target is None:
         return board.target is None and largest.target is None and sorted(board.size) == sorted(largest.size)
     return identity(board.target) == identity(largest.target)
+
+
+def _turns(board: Board) -> tuple[int, ...]:
+    """Numbers of quarter turns that its colours, as far as they are known, leave open."""
+    if board.target is not None:
+        return (0,)
+    if board.origin_dark is None and board.size[0] == board.size[1]:
+        return TURNS["ambiguous_90"]
+    return TURNS.get(board.orientation, (0,))
 
 
 def _turned(board: Board, turn: int) -> Board:
