@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from rcdn.calibration import calibrate_rig, calibrate_stereo, joint_pairs
+from rcdn.calibration import calibrate_rig, calibrate_stereo, joint_pairs, stereo
 from rcdn.calibration import rig as rig_module
 from rcdn.calibration.joint_pairs import JointPairs
 from rcdn.calibration.rig_start import edges_of
@@ -160,7 +160,9 @@ def test_a_ring_whose_shared_boards_are_all_shuffled_in_time_is_no_rig(rig, seen
 
 
 @pytest.mark.parametrize(("a", "b"), [(0, 1), (2, 3)])
-def test_two_cameras_alone_are_placed_by_joint_lenses(seen, a, b):
+def test_two_cameras_alone_are_placed_by_joint_lenses(seen, alone, monkeypatch, a, b):
+    monkeypatch.setattr(stereo, "_each", lambda *_: (alone[RING[a]], alone[RING[b]], ""))
+
     def found(moments):
         both = shared(moments, RING[a], RING[b])
         pairs = [tuple(moments[RING[c]].index(m) for c in (a, b)) for m in both]

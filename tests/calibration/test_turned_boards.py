@@ -60,6 +60,13 @@ def moments(T_right_left, size, rng, count=12):
 def test_two_cameras_are_placed_however_one_of_them_is_rolled(size, quarters):
     T = rolled(quarters)
     left, right = moments(T, size, np.random.default_rng(1))
+    found = calibrate_stereo(left, right, SPACING, cameras=(CAMERA, CAMERA))
+    assert np.abs(found.T_right_left - T).max() < 0.001
+
+
+def test_they_are_with_lenses_that_are_solved_for():
+    T = rolled(1)
+    left, right = moments(T, (7, 7), np.random.default_rng(1))
     found = calibrate_stereo(left, right, SPACING, model="brown")
     assert np.abs(found.T_right_left - T).max() < 0.005
 
