@@ -329,6 +329,18 @@ def test_errors_too_small_to_compare_count_as_alike(rms, held_out):
     assert "brown 1.00 (held out 1.00), rational 1.00" in text
 
 
+def test_a_principal_point_that_was_held_has_no_deviation(tmp_path):
+    made = simulated()
+    cov = made.cov.copy()
+    cov[2:4] = cov[:, 2:4] = 0
+    cov[[2, 3], [2, 3]] = 1e-10  # what the prior that holds it leaves
+    held = replace(made, cov=cov)
+    lines = camera_lines(held)
+    assert {"  cx  322.0 (held)", "  cy  238.0 (held)"} <= set(lines)
+    assert not any("held)" in line for line in camera_lines(made))
+    assert written(tmp_path, held).count('<td class="n">held</td>') == 2
+
+
 def test_coverage_counts_cells():
     calibration = simulated(many=3, reach=(0, 0))
     xy = np.array([[1, 1], [638, 1], [1, 478], [638, 478], [320, 240], [322, 241]], float)

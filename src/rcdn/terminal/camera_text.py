@@ -38,6 +38,8 @@ def advice_lines(verdict: Verdict, advice: Sequence[str]) -> list[str]:
 
 def camera_lines(calibration: Calibration) -> list[str]:
     """The camera's parameters with standard deviations, its reprojection error, and the compared lens models."""
+    from rcdn.calibration.influence import held_fixed
+
     c = calibration
     used, corners = c.used_views, sum(int(v.used.sum()) for v in c.used_views)
     width, height = c.camera.image_size
@@ -49,6 +51,8 @@ def camera_lines(calibration: Calibration) -> list[str]:
     ]
     few = c.camera.coefficients
     values = _values(c.camera.parameters[:few], c.std[:few])
+    if "principal_point" in held_fixed(c):
+        values[2:4] = [f"{v:z.1f} (held)" for v in c.camera.parameters[2:4]]
     lines += [f"  {n:<3} {v}" for n, v in zip(c.camera.parameter_names[:few], values, strict=True)]
     if (correction := c.camera.correction) is not None:
         rows, columns, _ = correction.control.shape

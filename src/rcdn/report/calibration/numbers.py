@@ -6,6 +6,7 @@ from collections import Counter
 from dataclasses import dataclass
 
 from rcdn.calibration.facts import multiple
+from rcdn.calibration.influence import held_fixed
 from rcdn.geometry.spline_grid import largest_shift
 from rcdn.report.calibration.formats import DASH, number, value_and_std
 from rcdn.types import Calibration, Camera
@@ -68,12 +69,15 @@ class BoardNumbers:
 
 def lens(calibration: Calibration, key: str = "", name: str = "", given: bool = False) -> Lens:
     """The parameters of the camera with their standard deviations."""
-    camera = calibration.camera
+    camera, held = calibration.camera, held_fixed(calibration)
     rows = []
     every = zip(camera.parameter_names, camera.parameters, calibration.std, strict=True)
     for parameter, value, std in list(every)[: camera.coefficients]:
         unit = "px" if parameter in ("fx", "fy", "cx", "cy") else ""
-        rows.append(Parameter(parameter, *value_and_std(float(value), float(std)), unit, symbol=True))
+        if parameter in ("cx", "cy") and "principal_point" in held and not given:
+            rows.append(Parameter(parameter, f"{value:.1f}", "held", unit, symbol=True))
+        else:
+            rows.append(Parameter(parameter, *value_and_std(float(value), float(std)), unit, symbol=True))
     if camera.correction is not None:
         rows.append(Parameter("smooth correction", f"≤ {number(largest_shift(camera), 3)}", unit="px"))
     if camera.K[0, 1]:
