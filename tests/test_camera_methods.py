@@ -160,3 +160,32 @@ def test_methods_need_nobody_to_have_imported_anything(tmp_path):
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path, check=True)
     assert done.stdout == "0.5 1.0\n"
+
+
+@pytest.mark.parametrize("channels", [1, 3, 5])
+def test_floats_of_any_number_of_channels_are_resampled_alike(channels):
+    """Also at the border, where OpenCV rounds float64."""
+    rng = np.random.default_rng(0)
+    picture = rng.uniform(size=(480, 640, channels))
+    made = BROWN.undistort(picture)
+    assert made.dtype == np.float64
+    assert made.shape == picture.shape
+    for k in range(channels):
+        assert made[:, :, k] == pytest.approx(BROWN.undistort(picture[:, :, k].astype(np.float32)), abs=1e-6)
+    assert np.array_equal(made[:, :, 0], BROWN.undistort(picture[:, :, 0]))
+
+
+def test_pictures_with_a_palette_are_resampled_by_their_colours():
+    rng = np.random.default_rng(0)
+    rgb = Image.fromarray(rng.integers(0, 255, (480, 640, 3), np.uint8)).quantize(16)
+    assert np.array_equal(BROWN.undistort(rgb), BROWN.undistort(rgb.convert("RGB")))
+    dark = Image.fromarray(rng.uniform(size=(480, 640)) > 0.5)
+    assert np.array_equal(BROWN.undistort(dark), BROWN.undistort(dark.convert("L")))
+
+
+@pytest.mark.parametrize(
+    "K", [2 * np.eye(3), [[500, 0, 320], [3, 500, 240], [0, 0, 1]], [[500, 0, 320], [0, 500, 240], [1e-3, 0, 1]]]
+)
+def test_a_matrix_that_is_no_cameras_is_refused(K):
+    with pytest.raises(RcdnError, match=r"Camera\.K must be \[\[fx, skew, cx\]"):
+        Camera(K, None, (640, 480), "pinhole")

@@ -54,10 +54,16 @@ def _undistortion(camera: Camera, balance: float) -> Undistortion:
     return undistortion(camera, balance)
 
 
+_CONVERTED = {"1": "L", "P": "RGB", "PA": "RGBA"}
+"""modes of PIL images whose values are no brightness, and those to which they are converted"""
+
+
 def _pixels(image: Any) -> Array:
     """A picture as an array that OpenCV can resample."""
     if isinstance(image, str | Path) or image is None:
         raise ImageError(f"image must be the pixels of a picture, not {type(image).__name__}; read it, with cv2.imread")
+    if getattr(image, "mode", None) in _CONVERTED and hasattr(image, "convert"):
+        image = image.convert(_CONVERTED[image.mode])
     pixels = np.asarray(image)
     if (
         pixels.ndim not in (2, 3)

@@ -17,6 +17,8 @@ LONGEST_SIDE = 32766
 
 MOST_PIXELS = 1 << 28
 """pixels of the largest undistorted picture, whose maps take 2 GB"""
+CHANNELS = 4
+"""most channels of a picture that OpenCV resamples at once"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,8 +37,8 @@ class Undistortion:
     empty: Array
 
     def __call__(self, picture: Array) -> Array:
-        """`picture` (H, W) or (H, W, C), uint8, uint16 or float32, of the camera's size, without distortion; empty
-        pixels are 0.
+        """`picture` (H, W) or (H, W, C), uint8, uint16, float32 or float64 (resampled as float32), of the camera's
+        size, without distortion; empty pixels are 0.
 
         Raises RcdnError if it has another size.
         """
@@ -47,12 +49,23 @@ class Undistortion:
                 f"the picture has {width}×{height} px, but the camera was calibrated at {wide}×{high} px; "
                 "give the camera of this size"
             )
+        # OpenCV rounds float64 at the border
+        exact = picture.astype(np.float32) if picture.dtype == np.float64 else picture
+        planes = exact.reshape(height, width, -1)
+        parts = [self._resampled(planes[:, :, k : k + CHANNELS]) for k in range(0, planes.shape[2], CHANNELS)]
+        out = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=2)
+        out = out.astype(picture.dtype, copy=False)
+        return out[:, :, 0] if picture.ndim == 2 else out
+
+    def _resampled(self, planes: Array) -> Array:
+        """(H, W, C) of `planes` (H', W', C), at most CHANNELS."""
         # the outer half pixels of the border repeat the outermost pixels; otherwise they would fade to black
-        out = cv2.remap(picture, self.map_x, self.map_y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+        source = np.ascontiguousarray(planes)
+        out = cv2.remap(source, self.map_x, self.map_y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
         out[self.empty] = 0
         if out.shape[1::-1] != tuple(self.flat.image_size):
             out = cv2.resize(out, self.flat.image_size, interpolation=cv2.INTER_AREA)
-        return np.asarray(out)
+        return out.reshape(*out.shape[:2], planes.shape[2])
 
 
 def undistortion(camera: Camera, balance: float = 0.0, scale: float = 1.0, crop: bool = False) -> Undistortion:

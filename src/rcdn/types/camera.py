@@ -58,6 +58,8 @@ class Camera(Value):
         object.__setattr__(self, "image_size", whole_size(self.image_size, "Camera.image_size"))
         if self.K.shape != (3, 3) or not np.isfinite(self.K).all():
             raise RcdnError(f"Camera.K must be a finite (3, 3) matrix, not {self.K.tolist()}")
+        if self.K[[1, 2, 2], [0, 0, 1]].any() or self.K[2, 2] != 1:
+            raise RcdnError(f"Camera.K must be [[fx, skew, cx], [0, fy, cy], [0, 0, 1]], px, not {self.K.tolist()}")
         allowed = (4, 5) if self.model == "brown" else (len(LENS[self.model]),)
         if len(self.distortion) not in allowed:
             fits = [name for name, names in LENS.items() if len(names) == len(self.distortion)]
