@@ -114,6 +114,15 @@ def test_opencv_projects_by_the_numbers_of_the_toml_what_we_do(tmp_path, kind):
         np.testing.assert_allclose(theirs, own.project(MIDDLE @ pose.R.T + pose.t), atol=1e-6)
 
 
+@pytest.mark.parametrize(("names", "kept"), [(("3", "1", "7"), True), (("01", "1", "7"), False)])
+def test_cameras_that_are_numbered_keep_their_numbers(tmp_path, names, kept):
+    made = replace(rig(), names=names)
+    write_rig(tmp_path / "camera_array.toml", made)
+    again = read_rig(tmp_path / "camera_array.toml")
+    assert again.names == (names if kept else ("0", "1", "2"))
+    assert [c.K.tolist() for c in again.cameras] == [c.K.tolist() for c in made.cameras]
+
+
 READERS = {
     "aniposelib": """
 from aniposelib.cameras import CameraGroup

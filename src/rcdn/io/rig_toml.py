@@ -20,7 +20,8 @@ from rcdn.types import Array, Camera, Pose, Rig
 
 def text(names: tuple[str, ...], cameras: list[Camera], places: list[Array], nested: bool) -> str:
     """The text of aniposelib's file with a table `cam_K` for each camera, or (`nested`) of caliscope's with tables
-    `cameras.K`, in which cameras have numbers instead of names."""
+    `cameras.K`, in which cameras have numbers instead of names: their names, where all of these are numbers."""
+    ids = names if all(n.isdecimal() and str(int(n)) == n for n in names) else tuple(map(str, range(len(names))))
     width = len(str(len(names) - 1))
     lines = "" if nested else "[metadata]\nadjusted = false\nerror = 0.0\n"
     for k, (name, camera, T) in enumerate(zip(names, cameras, places, strict=True)):
@@ -28,8 +29,8 @@ def text(names: tuple[str, ...], cameras: list[Camera], places: list[Array], nes
             d = _distortion(camera)
         except FormatError as error:
             raise FormatError(f"camera {name}: {error}") from error
-        table = f"cameras.{k}" if nested else f"cam_{k:0{width}}"
-        head = f"cam_id = {k}" if nested else f"name = {_quoted(name)}"
+        table = f"cameras.{ids[k]}" if nested else f"cam_{k:0{width}}"
+        head = f"cam_id = {ids[k]}" if nested else f"name = {_quoted(name)}"
         lines += (
             f"\n[{table}]\n{head}\nsize = [{camera.image_size[0]}, {camera.image_size[1]}]\n"
             f"matrix = [{', '.join(flow(row) for row in camera.K)}]\ndistortions = {flow(d)}\n"
