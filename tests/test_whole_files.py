@@ -5,11 +5,14 @@ from __future__ import annotations
 
 import errno
 import os
+import subprocess
+import sys
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
 from rcdn.io import whole, write_bytes, write_chunks
+from rcdn.io.files import check_writable, is_stream
 
 
 def full_disk(*_, **__):
@@ -90,3 +93,22 @@ def test_a_file_system_that_links_no_nameless_file(tmp_path, monkeypatch):
     monkeypatch.setattr(os, "link", full_disk)
     write_chunks(tmp_path / "a", (b"one", b"two"))
     assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == {"a": b"onetwo"}
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/stdout"), reason="no /dev/stdout here")
+def test_a_log_that_standard_output_goes_to_is_kept(tmp_path):
+    code = "from rcdn.io import write_bytes; write_bytes('/dev/stdout', b'second\\n')"
+    log = tmp_path / "log.txt"
+    with log.open("ab") as file:
+        file.write(b"first\n")
+        file.flush()
+        subprocess.run([sys.executable, "-c", code], stdout=file, check=True)
+        file.write(b"third\n")
+    assert log.read_bytes() == b"first\nsecond\nthird\n"
+
+
+def test_what_is_open_already_is_a_stream():
+    assert is_stream("-")
+    assert is_stream("/dev/fd/1")
+    assert not is_stream("stdout")
+    check_writable("-")

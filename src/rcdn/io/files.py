@@ -55,7 +55,7 @@ def check_writable(path: str | Path) -> None:
         raise output_error(path, IsADirectoryError(errno.EISDIR, "it is a folder"))
     if os.path.exists(path) and not os.access(path, os.W_OK):
         raise output_error(path, PermissionError(errno.EACCES, "the file may not be written"))
-    if is_special(path):
+    if is_stream(path):
         return
     folder = Path(os.path.realpath(path)).parent
     while not os.path.exists(folder) and folder != folder.parent:
@@ -70,9 +70,9 @@ def write_bytes(path: str | Path, data: bytes) -> None:
     """Write `data` to `path`, whole or not at all; missing folders are created.
 
     An unnamed (or temporary) file in the same folder is written, flushed to the disk and then renamed: a reader sees
-    the old file or the new one, never a part. A link is followed, and the old file's mode is kept. Devices and pipes
-    are written directly. Raises OutputError with the reason and a fix; then no temporary file remains, and an old file
-    is unchanged.
+    the old file or the new one, never a part. A link is followed, and the old file's mode is kept. Devices, pipes and
+    what was opened before (/dev/stdout) are written directly. Raises OutputError with the reason and a fix; then no
+    temporary file remains, and an old file is unchanged.
     """
     write_chunks(path, (data,))
 
@@ -86,8 +86,8 @@ def write_chunks(path: str | Path, chunks: Iterable[bytes]) -> None:
             sys.stdout.buffer.writelines(chunks)
             sys.stdout.flush()
             return
-        if is_special(path):
-            with open(path, "wb") as file:
+        if is_special(path) or _is_descriptor(path):
+            with open(path, "ab") as file:
                 file.writelines(chunks)
             return
         check_writable(path)
@@ -111,7 +111,14 @@ def is_special(path: str | Path) -> bool:
 
 def is_stream(path: str | Path) -> bool:
     """Whether `path` is standard output, a device or a pipe, where output is appended and can't be replaced."""
-    return Path(path) == STDOUT or is_special(path)
+    return Path(path) == STDOUT or is_special(path) or _is_descriptor(path)
+
+
+def _is_descriptor(path: str | Path) -> bool:
+    """Whether `path` names what this process was given open (/dev/stdout, /dev/fd/3): also where that is a file, others
+    write to it, too."""
+    name = os.path.abspath(path)
+    return name in ("/dev/stdout", "/dev/stderr") or os.path.dirname(name) in ("/dev/fd", "/proc/self/fd")
 
 
 def output_error(path: str | Path, error: OSError) -> OutputError:
