@@ -477,6 +477,13 @@ def test_of_a_video_different_frames_with_boards_are_used(home, marks, jobs):
     assert len(marks()) == 5
 
 
+def test_a_video_without_a_board_is_not_said_to_be_unread(home):
+    video(Path("clip.avi"), [None] * 12)
+    result = CliRunner().invoke(app, ["calibrate", "clip.avi", "--spacing", "25mm", "-j", "1", "--no-cache"])
+    assert result.exit_code == 1
+    assert "no board was found in the frames that were looked at" in result.stderr
+
+
 def test_frames_bounds_how_many_are_used(home):
     clip = video(Path("clip.avi"), PLACES)
     all_four, two = gather(clip, make=BrightSquare), gather(clip, make=BrightSquare, frames=2)

@@ -64,7 +64,8 @@ class BoardReader:
         for note in got.notes:
             console.note(note)
         if not any(image.boards for image in got.images):
-            raise CalibrationError(_no_board(got.images))
+            filmed = got.frames and not got.images and not got.failures
+            raise CalibrationError(NO_FRAME if filmed else _no_board(got.images))
         note_target(self.settings.config.target, got)
         return got
 
@@ -239,6 +240,9 @@ def _paired(left: Gathered, right: Gathered, pair_file: PairFile | None) -> list
     if hint := pairing_hint(one, two, found):
         console.note(one_line(hint))
     return found.pairs
+
+
+NO_FRAME = "no board was found in the frames that were looked at; see what `rcdn detect VIDEO --overlay DIR` draws"
 
 
 def _no_board(images: Sequence[ImageResult]) -> str:
