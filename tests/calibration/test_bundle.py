@@ -41,14 +41,20 @@ def two_cameras(seed=0, frames=4):
     return state, Corners3(frame, camera, board, xy + rng.normal(0, 0.2, xy.shape), basis)
 
 
+@pytest.mark.parametrize("late", [False, True])
 @pytest.mark.parametrize("away", [0.0, 0.15])
-def test_slopes_in_all_unknowns_are_those_of_differences(away):
-    """Also away from the start, where motions have led somewhere: slopes are about the state where it is."""
+def test_slopes_in_all_unknowns_are_those_of_differences(away, late):
+    """Also away from the start, where motions have led somewhere: slopes are about the state where it is; and where
+    cameras may be late."""
     state, corners = two_cameras()
     rng = np.random.default_rng(3)
+    if late:
+        state = state.with_velocity(rng.normal(0, 0.05, (4, 6)))
     motions, shared = away * rng.normal(size=(4, 6)), np.zeros(sum(state.counts))
     motions[:, 3:] *= 0.3
-    shared[-12:-6] = away * rng.normal(size=6) * [1, 1, 1, 0.3, 0.3, 0.3]
+    places = sum(state.counts[:2]) + np.arange(6)
+    shared[places] = away * rng.normal(size=6) * [1, 1, 1, 0.3, 0.3, 0.3]
+    shared[state.lateness] = [0.3, -0.9][: state.late.size]
     state = state.moved(motions, shared)
     _, by_frame, by_shared = linearise(state, corners)
     still, same = np.zeros((4, 6)), np.zeros(len(shared))
@@ -72,6 +78,20 @@ def test_residuals_are_observed_minus_the_pixels_of_linearise():
     assert residuals(state, corners) == pytest.approx(corners.xy - linearise(state, corners)[0], abs=1e-12)
 
 
+def test_a_late_camera_sees_boards_where_they_have_moved():
+    """As by the poses after a moment's motion, times its lateness: to second order in the motion."""
+    state, corners = two_cameras()
+    velocity = np.random.default_rng(5).normal(0, 1e-4, (4, 6))
+    later = state.moved(0.7 * velocity, np.zeros(sum(state.counts)))
+    shared = np.zeros(sum(state.counts) + 2)
+    shared[sum(state.counts[:3]) + 1] = 0.7
+    late = state.with_velocity(velocity).moved(np.zeros((4, 6)), shared)
+    second = corners.camera == 1
+    assert residuals(late, corners)[second] == pytest.approx(residuals(later, corners)[second], abs=1e-4)
+    assert residuals(late, corners)[~second] == pytest.approx(residuals(state, corners)[~second], abs=1e-12)
+    assert np.abs(residuals(late, corners) - residuals(state, corners))[second].max() > 0.01
+
+
 def test_moved_changes_the_values_by_what_it_is_told():
     state, _ = two_cameras()
     shared = np.random.default_rng(0).normal(size=sum(state.counts)) * 1e-3
@@ -86,8 +106,8 @@ def test_moved_changes_the_values_by_what_it_is_told():
 
 def test_which_parameters_are_free():
     state, _ = two_cameras()
-    assert state.counts == (9, 8, 6, 6)
-    full = [np.repeat(x, state.counts) for x in ([1, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1])]
+    assert state.counts == (9, 8, 6, 0, 6)
+    full = [np.repeat(x, state.counts) for x in ([1, 1, 0, 0, 0], [0, 0, 1, 0, 0], [0, 0, 0, 0, 1])]
     assert default_free(state).tolist() == full[0].astype(bool).tolist()
     assert default_free(state, lens=False, rig=True).tolist() == full[1].astype(bool).tolist()
     assert default_free(state, shape=True, lens=False).tolist() == full[2].astype(bool).tolist()

@@ -222,6 +222,13 @@ def test_two_different_boards_help_and_are_said():
     assert "11×4" in named.views[-1].reason
 
 
+@pytest.mark.parametrize("size", [[9, 6], (9.0, 6.0), np.array([9, 6])])
+def test_the_size_may_be_any_pair_of_whole_numbers(size):
+    found = calibrate(random_boards(CAMERAS["pinhole"], 1, 4, whole=True)[0], SPACING, model="pinhole", size=size)
+    assert found.size == (9, 6)
+    assert all(type(n) is int for n in found.size)
+
+
 def test_boards_of_another_size_alone():
     with pytest.raises(CalibrationError, match="can't be part of a 5×4 board"):
         calibrate(random_boards(BROWN, 3, 5, whole=True)[0], SPACING, size=(5, 4))

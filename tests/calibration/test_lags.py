@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from rcdn.calibration.board_paths import times_of
 from rcdn.calibration.coded import Geometries
 from rcdn.calibration.known_lens import with_known_lens
 from rcdn.calibration.lags import lags_of, late_moments
 from rcdn.calibration.rig_graph import sights_of
-from rcdn.calibration.time_shift import times_of
 from rcdn.geometry import rotation
 from rcdn_lab.camera_scenes import SPACING, board, see
 from rcdn_lab.rig_scenes import row

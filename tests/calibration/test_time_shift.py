@@ -7,7 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rcdn.calibration import calibrate_rig
-from rcdn.calibration.time_shift import times_of
+from rcdn.calibration.board_paths import times_of
+from rcdn.calibration.rough_shifts import _against_references
 from rcdn.geometry import rotation
 from rcdn_lab.camera_scenes import SPACING, board, see
 from rcdn_lab.rig_scenes import row
@@ -17,14 +18,16 @@ LATE = {"c0": 0.0, "c1": 0.7, "c2": -0.4, "c3": 0.0}
 SCENE = row([0.12, 0.12, 0.12], ("pinhole",))
 
 
-def moving(late, moments=30, noise=0.1, seed=3):
+def moving(late, moments=30, noise=0.1, seed=3, speed=1.0):
     """A board that moves steadily before cameras that are late by so many moments; boards and moments by camera."""
     rng, boards, when = np.random.default_rng(seed), {}, {}
     middle = np.linalg.inv(SCENE.places["c1"])
     for name, camera in SCENE.cameras.items():
+        if name not in late:
+            continue
         boards[name], when[name] = [], []
         for m in range(moments):
-            t = m + late[name]
+            t = speed * (m + late[name])
             T = np.eye(4)
             T[:3, :3] = rotation(np.array([0.4 * np.sin(t / 3), 0.4 * np.cos(t / 4), 0.1]))
             T[:3, 3] = [-0.06 + 0.1 * np.sin(t / 5), -0.08 + 0.06 * np.cos(t / 4), 0.7 + 0.1 * np.sin(t / 6)]
@@ -94,6 +97,19 @@ def test_a_corrected_rig_is_as_good_as_one_in_step(uncorrected, corrected):
     assert max(p.epipolar for p in uncorrected.pairs) > 0.5
 
 
+def test_lenses_that_are_solved_for_do_not_hide_a_shift():
+    """Before a board that moves slowly and evenly, lenses and places can take up most of a shift."""
+    boards, when = moving({"c1": 0.0, "c2": 0.3}, moments=24, speed=0.25, seed=12)
+    found = calibrate_rig(boards, SPACING, moments=when, model="brown", correct_time=True)
+    shift, other = found.shifts["c2"], found.shifts["c1"]
+    assert shift.moments - other.moments == pytest.approx(0.3, abs=4 * max(shift.std, other.std))
+    assert 0 < max(shift.std, other.std) < 0.03
+    assert len(found.corrected) == 1
+    T, cov = found.rig.relative("c1", "c2")
+    off = (SCENE.places["c2"] @ np.linalg.inv(SCENE.places["c1"]) @ np.linalg.inv(T))[:3, 3]
+    assert np.linalg.norm(off) < 4 * np.sqrt(np.trace(cov[3:, 3:]))
+
+
 def test_poses_of_a_late_cameras_views_are_those_of_its_pictures(corrected):
     calibration = corrected.cameras["c1"]
     for view in calibration.used_views[5:25]:
@@ -146,6 +162,13 @@ def test_parts_of_frames_beyond_whole_ones_are_told_and_left():
     (reason,) = [r for r in found.verdict.against if r.key == "time_shift"]
     assert "c1 is 3." in reason.sentence
     assert "--correct-time" in reason.action
+
+
+def test_shifts_are_told_against_one_camera_of_each_group_that_moving_boards_connect():
+    known, tau = np.array([0, 2, 3, 5, 6]), np.array([0.1, 0.3, -0.2, 0.3, 0.12])
+    rough = _against_references(known, tau, tau, [{3, 5}, {0, 2}, {2, 6}])
+    assert rough.references == (6, 3)  # of three, the one nearest to the others
+    assert rough.moments == pytest.approx({0: -0.02, 2: 0.18, 6: 0, 3: 0, 5: 0.5})
 
 
 def test_times_are_the_numbers_of_frames_or_the_order_of_names():

@@ -66,10 +66,10 @@ def with_neighbours(numbers: Iterable[int]) -> set[int]:
 
 def _lags(cameras: Sequence[Calibration]) -> list[int]:
     """By how many frames each camera is late against those that most are in step with."""
+    from rcdn.calibration.board_paths import times_of
     from rcdn.calibration.lags import lags_of
     from rcdn.calibration.rig_graph import sights_of
     from rcdn.calibration.rig_start import components_of, edges_of
-    from rcdn.calibration.time_shift import times_of
 
     when = [stems([view.name for view in each.views], 0) for each in cameras]
     sights = sights_of(cameras, when)

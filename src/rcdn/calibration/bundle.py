@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from rcdn.calibration.bending import Bending
-from rcdn.geometry import project, project_with_jacobian, rotation
+from rcdn.geometry import cross_matrix, project, project_with_jacobian, rotation
 from rcdn.types import LENS, Array, Camera
 from rcdn.types.arrays import Real
 
@@ -72,7 +72,10 @@ class State:
     the board's x, y and normal for each function of the corners' basis. `prior` of the shared parameters (default: that
     of the lens models). `boards` (B, 4, 4): of boards fixed to each other, takes each one's coordinates to those of the
     first (the first: identity), whose poses are the frames'. `smooth`: for each camera the variance of the control
-    points of its smooth correction in the default prior, 0 without one (default: none has any)."""
+    points of its smooth correction in the default prior, 0 without one (default: none has any). `late` (C,): by how
+    many moments each camera takes its pictures after the moments of the `poses`; it sees a corner that is at x in the
+    first camera at x + late (ω × x + v), where (ω, v) is the row of `velocity` (F, 6) of its frame, rad and m a moment
+    (default: none is late)."""
 
     cameras: tuple[Camera, ...]
     poses: Array
@@ -81,6 +84,8 @@ class State:
     prior: Prior | None = None
     boards: Array = field(default_factory=lambda: np.eye(4)[None])
     smooth: tuple[float, ...] = ()
+    late: Array = field(default_factory=lambda: np.zeros(0))
+    velocity: Array = field(default_factory=lambda: np.zeros((0, 6)))
 
     @classmethod
     def mono(cls, camera: Camera, poses: Array, shape: Array | None = None, boards: Array | None = None) -> State:
@@ -91,31 +96,47 @@ class State:
     @property
     def counts(self) -> tuple[int, ...]:
         """Number of shared parameters of each camera, of the places (of the other cameras, then of the other boards),
-        and of the shape."""
+        of the cameras' lateness, and of the shape."""
         places = 6 * (len(self.cameras) + len(self.boards) - 2)
-        return (*(len(c.parameters) for c in self.cameras), places, self.shape.size)
+        return (*(len(c.parameters) for c in self.cameras), places, self.late.size, self.shape.size)
+
+    @property
+    def lateness(self) -> slice:
+        """The cameras' lateness among the shared parameters."""
+        end = sum(self.counts[:-1])
+        return slice(end - self.late.size, end)
 
     @property
     def values(self) -> Real[Array, " k"]:
         """(K,) the shared parameters; places are small motions from the current ones, thus 0."""
-        places = np.zeros(self.counts[-2])
-        return np.concatenate([*(c.parameters for c in self.cameras), places, self.shape.ravel()])
+        places = np.zeros(self.counts[-3])
+        return np.concatenate([*(c.parameters for c in self.cameras), places, self.late, self.shape.ravel()])
 
     @property
     def beforehand(self) -> Prior:
         """The `prior`, by default that of the lens models."""
         return lens_prior(self) if self.prior is None else self.prior
 
+    def with_velocity(self, velocity: Real[Array, "f 6"]) -> State:
+        """The state with no camera late yet, in which boards move by `velocity` (F, 6) in a moment; no prior holds the
+        cameras' lateness."""
+        zeros, at, prior = np.zeros(len(self.cameras)), self.lateness.start, self.prior
+        if prior is not None and not len(self.late):
+            where = np.full(len(zeros), at)
+            precision = np.insert(np.insert(prior.precision, where, 0.0, axis=0), where, 0.0, axis=1)
+            prior = Prior(np.insert(prior.mean, where, 0.0), precision)
+        return replace(self, late=zeros, velocity=velocity, prior=prior)
+
     def moved(self, by_frame: Real[Array, "f 6"], shared: Real[Array, " k"]) -> State:
         """The state after small motions `by_frame` (F, 6) of the poses and the change `shared` (K,) of the shared
         parameters."""
-        *lenses, places, shape = np.split(shared, np.cumsum(self.counts)[:-1])
+        *lenses, places, late, shape = np.split(shared, np.cumsum(self.counts)[:-1])
         cameras = tuple(c.with_parameters(c.parameters + d) for c, d in zip(self.cameras, lenses, strict=True))
         motions, others = places.reshape(-1, 6), len(self.cameras) - 1
         rig, boards = self.rig.copy(), self.boards.copy()
         rig[1:], boards[1:] = _move(rig[1:], motions[:others]), _move(boards[1:], motions[others:])
         poses, shape = _move(self.poses, by_frame), self.shape + shape.reshape(-1, 3)
-        return replace(self, cameras=cameras, poses=poses, rig=rig, shape=shape, boards=boards)
+        return replace(self, cameras=cameras, poses=poses, rig=rig, shape=shape, boards=boards, late=self.late + late)
 
 
 FIRM = 1e10
@@ -197,11 +218,20 @@ def middles(state: State, corners: Corners3) -> Real[Array, "f 3"]:
 
 
 def _placed(state: State, corners: Corners3) -> tuple[Array, Array, Array]:
-    """(N, 3) the corners in the coordinates of the first board, in those of the first camera, and in those of the
-    camera that saw each."""
+    """(N, 3) the corners in the coordinates of the first board, in those of the first camera, and, when the camera that
+    saw each took its picture, in that one's."""
     board = on_first_board(state, corners)
     first = _transformed(state.poses, corners.frame, board)
-    return board, first, first if (state.rig == np.eye(4)).all() else _transformed(state.rig, corners.camera, first)
+    then = first
+    if len(state.late):
+        then = first + state.late[corners.camera][:, None] * _carried(state, corners, first)
+    return board, first, then if (state.rig == np.eye(4)).all() else _transformed(state.rig, corners.camera, then)
+
+
+def _carried(state: State, corners: Corners3, first: Real[Array, "n 3"]) -> Real[Array, "n 3"]:
+    """(N, 3) m: the corners' displacements in a moment, at `first` in the first camera's coordinates."""
+    motion = state.velocity[corners.frame]
+    return np.asarray(np.cross(motion[:, :3], first) + motion[:, 3:])
 
 
 def _transformed(T: Real[Array, "f 4 4"], number: Real[Array, " n"], points: Real[Array, "n 3"]) -> Real[Array, "n 3"]:
@@ -227,9 +257,9 @@ def linearise(state: State, corners: Corners3) -> tuple[Array, Array, Array]:
 
 
 def parameters_of(state: State, camera: int) -> Array:
-    """(K,) bool: the shared parameters on which one camera's corners depend: its lens, its place,
-    and the boards' places and shape."""
-    lenses, others = state.counts[:-2], 6 * (len(state.cameras) - 1)
+    """(K,) bool: the shared parameters on which one camera's corners depend: its lens, its place, the boards' places,
+    its lateness, and the boards' shape."""
+    lenses, others = state.counts[:-3], 6 * (len(state.cameras) - 1)
     out = np.zeros(sum(state.counts), bool)
     at = sum(lenses[:camera])
     out[at : at + lenses[camera]] = True
@@ -237,6 +267,8 @@ def parameters_of(state: State, camera: int) -> Array:
         at = sum(lenses) + 6 * (camera - 1)
         out[at : at + 6] = True
     out[sum(lenses) + others :] = True
+    if len(state.late):
+        out[state.lateness] = np.arange(len(state.late)) == camera
     return out
 
 
@@ -246,8 +278,12 @@ def linearise_one(state: State, corners: Corners3, camera: int) -> tuple[Array, 
     xy, by_point, by_lens = project_with_jacobian(state.cameras[camera], points)
     R = state.rig[camera, :3, :3]
     in_first = by_point if (np.eye(3) == R).all() else by_point @ R
+    by_late = list[Array]()
+    if len(state.late):
+        by_late.append(in_first @ _carried(state, corners, first)[:, :, None])
+        in_first = in_first @ (np.eye(3) + cross_matrix(state.late[camera] * state.velocity[corners.frame, :3]))
     part = corners.part if len(state.boards) > 1 else None
-    parts = [by_lens]
+    parts, by_shape = [by_lens], list[Array]()
     if camera:
         parts.append(by_motion(by_point, points))
     if part is not None or len(state.shape):
@@ -256,7 +292,8 @@ def linearise_one(state: State, corners: Corners3, camera: int) -> tuple[Array, 
             parts.append(_by_places(part, len(state.boards), by_motion(by_board, board)))
             by_board = by_board @ state.boards[part, :3, :3]
         if len(state.shape):
-            parts.append(_by_shape(corners.basis[:, : len(state.shape)], by_board))
+            by_shape = [_by_shape(corners.basis[:, : len(state.shape)], by_board)]
+    parts += [*by_late, *by_shape]
     shared = np.concatenate(parts, axis=2) if len(parts) > 1 else by_lens
     return xy, by_motion(in_first, first), shared
 
@@ -290,6 +327,8 @@ def by_motion(by_point: Real[Array, "n 2 3"], points: Real[Array, "n 3"]) -> Rea
 
 def default_free(state: State, shape: bool = False, lens: bool = True, rig: bool = False) -> Array:
     """(K,) bool, which shared parameters are unknown: those of the cameras (`lens`), the places of the other cameras
-    and boards (`rig`), the board's `shape`."""
-    *cameras, places, bends = state.counts
-    return np.concatenate([np.full(sum(cameras), lens), np.full(places, rig), np.full(bends, shape)])
+    and boards (`rig`), the board's `shape`; never the cameras' lateness."""
+    *cameras, places, late, bends = state.counts
+    return np.concatenate(
+        [np.full(sum(cameras), lens), np.full(places, rig), np.full(late, False), np.full(bends, shape)]
+    )

@@ -89,7 +89,7 @@ def calibrate(
     boards do not determine a camera, ConfigError for a wrong argument.
     """
     check_arguments(boards, names, model, size)
-    fixed = check_fix(fix)
+    size, fixed = whole_grid(size), check_fix(fix)
     names = names_of(boards, names)
     leave_out = texts(leave_out, "leave_out")
     if leave_out:
@@ -147,13 +147,17 @@ def check_arguments(boards: Sequence[Board], names: Sequence[str] | None, model:
     check_model(model)
     if names is not None and len(names) != len(boards):
         raise ConfigError(f"names must have one entry a board: {len(boards)}, not {len(names)}")
-    if size is not None:
-        grid_size(size, "size", 2)
+    whole_grid(size)
     for k, board in enumerate(boards):
         if not np.isfinite(board.xy).all():
             raise ConfigError(f"boards[{k}].xy must be finite; leave out corners that have no position")
     if not boards:
         raise CalibrationError("no boards: nothing to calibrate from; see what `rcdn detect --overlay` draws")
+
+
+def whole_grid(size: Size | None) -> Size | None:
+    """`size` (columns, rows) as two integers, of any pair of whole numbers. Raises ConfigError for anything else."""
+    return None if size is None else grid_size(size, "size", 2)
 
 
 def check_model(model: str) -> None:

@@ -12,7 +12,8 @@ import numpy as np
 
 from rcdn.calibration import robust
 from rcdn.calibration.arguments import check_boards
-from rcdn.calibration.calibrate import check_arguments, names_of, with_geometries
+from rcdn.calibration.board_paths import times_of
+from rcdn.calibration.calibrate import check_arguments, names_of, whole_grid, with_geometries
 from rcdn.calibration.coded import Geometries, Spacing
 from rcdn.calibration.common_model import one_model
 from rcdn.calibration.fixed_boards import in_sets
@@ -27,7 +28,7 @@ from rcdn.calibration.rig_held_out import held_out_epipolar
 from rcdn.calibration.rig_solution import RigSolution
 from rcdn.calibration.rig_start import Key
 from rcdn.calibration.rig_task import RigTask
-from rcdn.calibration.time_shift import InStep, by_name, in_step, times_of
+from rcdn.calibration.time_shift import InStep, by_name, in_step
 from rcdn.errors import CalibrationError, ConfigError
 from rcdn.types import Array, Board, Calibration, Camera, FixedBoard, RigCalibration
 
@@ -70,7 +71,7 @@ def calibrate_rig(
     order = list(views)
     if len(order) < 2:
         raise ConfigError(f"views must hold two cameras or more, not {len(order)}")
-    given = _given(order, cameras)
+    given, size = _given(order, cameras), whole_grid(size)
     if not isinstance(model, str) and (missing := [n for n in order if n not in model and n not in given]):
         raise ConfigError(f"model must name a lens model for each camera; it has none for {', '.join(missing)}")
     when = _moments(views, moments)

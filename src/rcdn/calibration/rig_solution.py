@@ -51,7 +51,7 @@ class RigSolution:
     @property
     def places(self) -> slice:
         """The places of the other cameras among the shared parameters."""
-        *lenses, _, _ = self.fit.state.counts
+        *lenses, _, _, _ = self.fit.state.counts
         return slice(sum(lenses), sum(lenses) + 6 * (len(lenses) - 1))
 
     @property
