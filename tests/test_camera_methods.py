@@ -67,6 +67,7 @@ def test_pinholes_are_as_opencv_has_them():
     ("call", "words"),
     [
         (lambda: BROWN.project([1, 2]), r"points must have shape \(\.\.\., 3\), not \(2,\)"),
+        (lambda: BROWN.project(POINTS, np.eye(4)), r"pose must be a Pose, not ndarray; .* Pose\(T\)"),
         (lambda: BROWN.unproject(3), r"xy must have shape \(\.\.\., 2\), not \(\)"),
         (lambda: BROWN.unproject([[1, 2], [3]]), "xy must hold numbers in rows of equal length"),
         (lambda: BROWN.undistorted(2), "balance"),

@@ -212,6 +212,8 @@ def test_spacing_out_of_range(spacing):
         (lambda: calibrate([BOARD, None], 0.02), r"boards\[1\] must be a Board"),
         (lambda: calibrate([BOARD], 0.02, size=(9,)), "size counts"),
         (lambda: calibrate([BOARD], 0.02, names=[["a"]]), "names must be a list of text"),
+        (lambda: calibrate([BOARD] * 3, 0.02, names="abc"), "names must have one entry a board: 3, not 1"),
+        (lambda: estimate_pose(BOARD, CAMERA, 0.02, shape="bent"), "shape must be a BoardShape"),
         (lambda: calibrate([BOARD], 0.02, fix=3), "fix must be a list of text"),
         (lambda: calibrate([BOARD], 0.02, leave_out=3), "leave_out must be a list of text"),
         (lambda: find_chessboard_corners(GREY, (9, 6.5)), "patternSize counts"),

@@ -16,9 +16,18 @@ from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
 from rcdn.cli import app
-from rcdn.errors import FormatError
+from rcdn.errors import FormatError, RcdnError
 from rcdn.geometry import rotation, zero_correction
-from rcdn.io import read_camera, read_cameras, read_rig, rig_format, rig_paths, write_rig
+from rcdn.io import (
+    StereoCameras,
+    read_camera,
+    read_cameras,
+    read_rig,
+    rig_format,
+    rig_paths,
+    write_rig,
+    write_stereo,
+)
 from rcdn.types import LensCorrection, Pose, Rig
 
 NAMES = {
@@ -121,6 +130,27 @@ def test_cameras_that_are_numbered_keep_their_numbers(tmp_path, names, kept):
     again = read_rig(tmp_path / "camera_array.toml")
     assert again.names == (names if kept else ("0", "1", "2"))
     assert [c.K.tolist() for c in again.cameras] == [c.K.tolist() for c in made.cameras]
+
+
+@pytest.mark.parametrize("name", ["pair.yaml", "pair.json"])
+def test_a_file_of_two_cameras_is_a_rig(tmp_path, name):
+    made = rig(("brown4", "brown4"))
+    T = made.poses[1].T_cam_board @ np.linalg.inv(made.poses[0].T_cam_board)
+    write_stereo(tmp_path / name, StereoCameras(*made.cameras, T))
+    found = read_rig(tmp_path / name)
+    assert found.names == ("left", "right")
+    np.testing.assert_allclose(found.relative("left", "right")[0], T, atol=1e-9)
+
+
+def test_a_file_of_one_camera_is_no_rig(tmp_path):
+    rig().cameras[0].save(tmp_path / "one.yaml")
+    with pytest.raises(FormatError, match="holds no rig"):
+        read_rig(tmp_path / "one.yaml")
+
+
+def test_poses_of_a_rig_are_poses():
+    with pytest.raises(RcdnError, match="tuple\\(map\\(Pose, T\\)\\)"):
+        replace(rig(), poses=rig().T_cam_rig)
 
 
 READERS = {

@@ -145,8 +145,8 @@ def check_arguments(boards: Sequence[Board], names: Sequence[str] | None, model:
     """Raise ConfigError for invalid arguments of `calibrate`, CalibrationError if there are no boards."""
     check_boards(boards)
     check_model(model)
-    if names is not None and len(names) != len(boards):
-        raise ConfigError(f"names must have one entry a board: {len(boards)}, not {len(names)}")
+    if names is not None and (given := len(texts(names, "names"))) != len(boards):
+        raise ConfigError(f"names must have one entry a board: {len(boards)}, not {given}")
     whole_grid(size)
     for k, board in enumerate(boards):
         if not np.isfinite(board.xy).all():

@@ -74,6 +74,8 @@ def estimate_pose(
 
 def pose_corners(board: Board, spacing: float, shape: BoardShape | None) -> tuple[Corners3, Array]:
     """The corners of one board that one camera saw, and their sigma (N,) px."""
+    if shape is not None and not isinstance(shape, BoardShape):
+        raise ConfigError(f"shape must be a BoardShape, as Calibration.shape is, not {type(shape).__name__}")
     if shape is not None and (board.pattern != "checker" or board.size != shape.size):
         raise ConfigError(
             f"shape: it is that of whole boards of {shape.size[0]}×{shape.size[1]} corners, and this one shows "

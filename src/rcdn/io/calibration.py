@@ -173,10 +173,9 @@ def _print_record(view: BoardView) -> dict[str, Any]:
 
 def load_kind(path: str | Path, kind: str) -> Any:
     data = ours.load(str(path), read_text(path))
-    if data.get("kind") != kind:
-        raise FormatError(
-            f"{path}: holds {shown(data.get('kind'))}, not {kind!r}; write it with `rcdn calibrate --json`"
-        )
+    if (found := data.get("kind")) != kind:
+        other = "no calibration" if found is None else f"{shown(found)}, not {kind!r}"
+        raise FormatError(f"{path}: holds {other}; write it with `rcdn calibrate --json`")
     return data
 
 

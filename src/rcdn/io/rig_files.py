@@ -13,7 +13,7 @@ import numpy as np
 
 from rcdn.errors import FormatError, shown
 from rcdn.io import rig_colmap, rig_folder, rig_toml
-from rcdn.io.cameras import FORMATS, CameraFormat, camera_format, kalibr, lens_fit, noted, ours, parsed
+from rcdn.io.cameras import FORMATS, CameraFormat, camera_format, kalibr, lens_fit, noted, ours, parsed, read_stereo
 from rcdn.io.cameras.base import LensFit, UnheldLensError
 from rcdn.io.fields import located, nullable, numbers, read_json, read_text, rigid, take
 from rcdn.io.files import check_writable, write_text
@@ -24,6 +24,8 @@ _NAMES = (
     "camchain.yaml (Kalibr), .toml (aniposelib; camera_array.toml: caliscope), rig_config.json (COLMAP), .yaml "
     "(OpenCV, a file a camera; camera_info.yaml: ROS) or .json"
 )
+_PAIRS = ("stereo calibration", "stereo cameras")
+"""kinds of rcdn's JSON that hold two cameras"""
 _READ = "Kalibr (camchain.yaml), aniposelib, caliscope, COLMAP or rcdn"
 _LENSES: dict[RigFormat, CameraFormat] = {
     "kalibr": "kalibr",
@@ -119,8 +121,8 @@ def read_rig(path: str | Path, *others: str | Path) -> Rig:
 
     For formats with one file per camera (OpenCV; ROS, including the file of transforms) give all files, or the `path`
     that was given to `write_rig`. Names are those in the file; cameras without a pose are left out. Poses are those of
-    the file, so the rig's frame need not be that of a camera. Raises FormatError, naming the file, the field and the
-    fix.
+    the file, so the rig's frame need not be that of a camera. Files of two cameras (`rcdn calibrate --stereo`, OpenCV)
+    are rigs of `left` and `right`. Raises FormatError, naming the file, the field and the fix.
     """
     paths = [Path(path), *map(Path, others)] if others else rig_folder.siblings(Path(path)) or [Path(path)]
     where = str(paths[0])
@@ -133,13 +135,24 @@ def read_rig(path: str | Path, *others: str | Path) -> Rig:
         if text.lstrip().startswith("["):
             return rig_colmap.rig_of(read_json(where, text, "export the rig_config.json again"), where)
         if text.lstrip().startswith("{"):
-            return rig_of_record(ours.load(where, text), where)
+            record = ours.load(where, text)
+            return _of_pair(paths[0]) if record.get("kind") in _PAIRS else rig_of_record(record, where)
         data = parsed("kalibr", where, text)
-        if not kalibr.names(data):
+        if kalibr.names(data):
+            return _of_chain(data, where)
+        try:
+            return _of_pair(paths[0])
+        except FormatError:
             raise FormatError(
                 f"{where}: holds no rig; of one file a camera (OpenCV, ROS) give all, else a file that {_READ} wrote"
-            )
-        return _of_chain(data, where)
+            ) from None
+
+
+def _of_pair(path: Path) -> Rig:
+    """The rig of a file of two cameras."""
+    pair = read_stereo(path)
+    poses = (Pose(np.eye(4)), Pose(pair.T_right_left))
+    return Rig(("left", "right"), (pair.left, pair.right), poses)
 
 
 def lens_fits(path: str | Path, rig: Rig, format: str | None = None) -> list[LensFit | None]:

@@ -21,7 +21,7 @@ from rcdn.types import Array, Camera, Pose, Rig
 def text(names: tuple[str, ...], cameras: list[Camera], places: list[Array], nested: bool) -> str:
     """The text of aniposelib's file with a table `cam_K` for each camera, or (`nested`) of caliscope's with tables
     `cameras.K`, in which cameras have numbers instead of names: their names, where all of these are numbers."""
-    ids = names if all(n.isdecimal() and str(int(n)) == n for n in names) else tuple(map(str, range(len(names))))
+    ids = names if all(map(_is_number, names)) else tuple(map(str, range(len(names))))
     width = len(str(len(names) - 1))
     lines = "" if nested else "[metadata]\nadjusted = false\nerror = 0.0\n"
     for k, (name, camera, T) in enumerate(zip(names, cameras, places, strict=True)):
@@ -47,6 +47,11 @@ def _distortion(camera: Camera) -> Array:
         raise FormatError(f"{title} has no lens model for 'division' cameras; write json")
     d = camera.distortion
     return np.pad(d, (0, 5 - len(d))) if len(d) < 5 and camera.model != "fisheye" else d
+
+
+def _is_number(name: str) -> bool:
+    """Whether `name` is a number as caliscope's files have it."""
+    return name.isdecimal() and len(name) < 10 and str(int(name)) == name
 
 
 def _quoted(name: str) -> str:

@@ -107,8 +107,10 @@ class Camera(Value):
         """Pixels (..., 2) of points (..., 3) in camera coordinates, or in those of a board at `pose`; NaN for points
         that the camera can't see.
 
-        Raises RcdnError for points of another shape.
+        Raises RcdnError for points of another shape, or another `pose`.
         """
+        if pose is not None and not isinstance(pose, Pose):
+            raise RcdnError(f"pose must be a Pose, not {type(pose).__name__}; make one of T_cam_board (4, 4): Pose(T)")
         return _work().project(self, _rows_of(points, 3, "points"), pose)
 
     def unproject(self, xy: ArrayLike) -> Real[Array, "... 3"]:

@@ -33,6 +33,8 @@ class Rig(Value):
         n = len(self.names)
         if not n or len(set(self.names)) != n or len(self.cameras) != n or len(self.poses) != n:
             raise RcdnError("Rig.names must be different, and cameras and poses must have one entry a name")
+        if not all(isinstance(pose, Pose) for pose in self.poses):
+            raise RcdnError("Rig.poses must be Poses; make them of T_cam_rig (n, 4, 4): tuple(map(Pose, T))")
         if self.covariance is not None:
             freeze(self, "covariance", self.covariance, np.float64, (6 * n,))
             if self.covariance.shape != (6 * n, 6 * n):
