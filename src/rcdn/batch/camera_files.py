@@ -147,7 +147,7 @@ def write_pair(path: Path, found: StereoCalibration | StereoCameras, format: Cam
 
     _note_format(path, format)
     if holds_maps(path, format):
-        write_stereo_maps(path, found)
+        _note_files(path, write_stereo_maps(path, found))
         return
     _note_files(path, write_stereo(path, found, format))
     pair = StereoCameras.of(found)
