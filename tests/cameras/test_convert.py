@@ -88,6 +88,8 @@ def test_one_camera_of_a_pair_and_a_pair_where_there_is_no_place_for_it(run):
     assert "pair.cameramodel: a file a camera: pair_left.cameramodel, pair_right.cameramodel" in result.stderr
     assert Path("pair_left.cameramodel").exists()
     assert Path("pair_right.cameramodel").exists()
+    result = run("pair.json", "maps.npz")
+    assert "maps.npz: a file a camera: maps_left.npz, maps_right.npz" in result.stderr
     result = run("pair.json", "-", "--to", "ros")
     assert result.exit_code == 2
     assert [p.name for p in Path().iterdir() if "-" in p.name] == []
