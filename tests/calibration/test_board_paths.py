@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rcdn.calibration.board_paths import Path
+from rcdn.calibration.board_paths import Path, _jumps
 from rcdn.geometry import rotation
 from rcdn.geometry.rigid import motion
 
@@ -51,3 +51,15 @@ def test_a_board_that_hardly_moves_does_not_count():
     slow = Path(still.frame, TIMES, still.T, still.middle, still.reach)
     assert not slow.moving.any()
     assert not slow.motion.any()
+
+
+def test_a_board_that_is_taken_elsewhere_begins_another_path():
+    along = np.column_stack([0.05 * np.sin(np.arange(12) / 2.2), 0.01 * np.arange(12), np.ones(12)])
+    close = np.ones(11, bool)
+    assert not _jumps(along, close).any()
+    along[6:, 0] += 0.2
+    assert np.flatnonzero(_jumps(along, close)).tolist() == [5]
+    still = np.tile([0.0, 0.0, 1.0], (12, 1)) + 1e-5 * np.random.default_rng(0).normal(size=(12, 3))
+    assert not _jumps(still, close).any()
+    alone = np.array([[0.0, 0, 1], [0.1, 0, 1]])
+    assert not _jumps(alone, np.ones(1, bool)).any()

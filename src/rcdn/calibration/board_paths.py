@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -18,6 +18,8 @@ STAMPS = 1000
 difference"""
 STILL = 1e-3
 """least displacement of a board between moments to count as moving, share of its distance"""
+JUMP = 3.0
+"""× the larger of the steps before and after it: a longer step isn't a part of the path"""
 REACH = 2
 """most neighbours on either side through which the path's polynomial goes"""
 NEAR = 2.0
@@ -62,7 +64,9 @@ class Path:
         frame = frame.astype(int)
         gap = np.where(np.diff(target) == 0, np.diff(when), np.inf)
         typical = float(np.median(gap[np.isfinite(gap)])) if np.isfinite(gap).any() else 0.0
-        return cls(frame, when, state.poses[frame], middles(state, task.corners)[frame], _reach(gap <= NEAR * typical))
+        T, middle, close = state.poses[frame], middles(state, task.corners)[frame], gap <= NEAR * typical
+        path = cls(frame, when, T, middle, np.zeros(len(frame), int))
+        return replace(path, reach=_reach(close & ~_jumps(path.places, close)))
 
     @property
     def near(self) -> Array:
@@ -125,6 +129,17 @@ class Path:
     def _turns(self, some: slice, k: int) -> Array:
         """(S, 3) rotation vectors from the board `k` to `some` others."""
         return Rotation.from_matrix(self.T[some, :3, :3] @ self.T[k, :3, :3].T).as_rotvec()
+
+
+def _jumps(places: Array, close: Array) -> Array:
+    """(F − 1,) bool: whether the board was taken elsewhere between each of its `places` (F, 3), m, and the next, by the
+    steps before and after it that are `close` (F − 1,) in time."""
+    step = np.linalg.norm(np.diff(places, axis=0), axis=1)
+    known = np.pad(np.where(close, step, 0.0), 1)
+    beside = np.maximum(known[:-2], known[2:])
+    any_beside = np.pad(close, 1)
+    compared = any_beside[:-2] | any_beside[2:]
+    return np.asarray(compared & (step > JUMP * beside) & (step > STILL * np.linalg.norm(places[1:], axis=1)))
 
 
 def _reach(close: Array) -> Array:
