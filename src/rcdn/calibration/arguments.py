@@ -8,7 +8,7 @@ from typing import Any
 from rcdn.errors import ConfigError, shown
 from rcdn.geometry.usable_lens import number_trouble
 from rcdn.types import Board, Calibration, Camera
-from rcdn.types.ranges import SPACING, in_words, is_spacing
+from rcdn.types.ranges import SPACING, grid_size, in_words, is_spacing
 
 
 def check_spacing(spacing: float) -> None:
@@ -18,6 +18,12 @@ def check_spacing(spacing: float) -> None:
             f"spacing is the side of one square in metres and must be positive, {in_words(*SPACING)} (25 mm: 0.025), "
             f"not {shown(spacing)}"
         )
+
+
+def given_size(size: Any) -> tuple[int, int] | None:
+    """The board's `size` (columns, rows) as two integers, of any pair of whole numbers; None if it isn't given. Raises
+    ConfigError for anything else."""
+    return None if size is None else grid_size(size, "size", 2)
 
 
 def check_boards(boards: Any, name: str = "boards") -> None:

@@ -1,5 +1,5 @@
-"""The bundle adjustment's unknowns (cameras, poses, the board's shape), its residuals and their analytic
-derivatives."""
+"""The bundle adjustment's unknowns (cameras and how late they are, poses, the board's shape), its residuals and their
+analytic derivatives."""
 
 from __future__ import annotations
 

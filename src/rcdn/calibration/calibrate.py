@@ -10,7 +10,7 @@ import numpy as np
 
 from rcdn.calibration import choose, robust, smooth_lens
 from rcdn.calibration.advice import judged
-from rcdn.calibration.arguments import check_boards, texts
+from rcdn.calibration.arguments import check_boards, given_size, texts
 from rcdn.calibration.bundle import State, default_free, with_fixed
 from rcdn.calibration.coded import Geometries, Geometry, Spacing
 from rcdn.calibration.labels import Labelled, Size
@@ -33,7 +33,6 @@ from rcdn.types import (
     Pose,
 )
 from rcdn.types.arrays import Real
-from rcdn.types.ranges import grid_size
 
 LENSES: dict[str, tuple[CameraModel, int]] = {
     "pinhole": ("pinhole", 0),
@@ -89,7 +88,7 @@ def calibrate(
     boards do not determine a camera, ConfigError for a wrong argument.
     """
     check_arguments(boards, names, model, size)
-    size, fixed = whole_grid(size), check_fix(fix)
+    size, fixed = given_size(size), check_fix(fix)
     names = names_of(boards, names)
     leave_out = texts(leave_out, "leave_out")
     if leave_out:
@@ -147,17 +146,12 @@ def check_arguments(boards: Sequence[Board], names: Sequence[str] | None, model:
     check_model(model)
     if names is not None and (given := len(texts(names, "names"))) != len(boards):
         raise ConfigError(f"names must have one entry a board: {len(boards)}, not {given}")
-    whole_grid(size)
+    given_size(size)
     for k, board in enumerate(boards):
         if not np.isfinite(board.xy).all():
             raise ConfigError(f"boards[{k}].xy must be finite; leave out corners that have no position")
     if not boards:
         raise CalibrationError("no boards: nothing to calibrate from; see what `rcdn detect --overlay` draws")
-
-
-def whole_grid(size: Size | None) -> Size | None:
-    """`size` (columns, rows) as two integers, of any pair of whole numbers. Raises ConfigError for anything else."""
-    return None if size is None else grid_size(size, "size", 2)
 
 
 def check_model(model: str) -> None:

@@ -11,9 +11,9 @@ from itertools import combinations
 import numpy as np
 
 from rcdn.calibration import robust
-from rcdn.calibration.arguments import check_boards
+from rcdn.calibration.arguments import check_boards, given_size
 from rcdn.calibration.board_paths import times_of
-from rcdn.calibration.calibrate import check_arguments, names_of, whole_grid, with_geometries
+from rcdn.calibration.calibrate import check_arguments, names_of, with_geometries
 from rcdn.calibration.coded import Geometries, Spacing
 from rcdn.calibration.common_model import one_model
 from rcdn.calibration.fixed_boards import in_sets
@@ -71,7 +71,7 @@ def calibrate_rig(
     order = list(views)
     if len(order) < 2:
         raise ConfigError(f"views must hold two cameras or more, not {len(order)}")
-    given, size = _given(order, cameras), whole_grid(size)
+    given, size = _given(order, cameras), given_size(size)
     if not isinstance(model, str) and (missing := [n for n in order if n not in model and n not in given]):
         raise ConfigError(f"model must name a lens model for each camera; it has none for {', '.join(missing)}")
     when = _moments(views, moments)

@@ -22,9 +22,10 @@ ODD = "it disagrees with the other cameras on where the board is"
 @dataclass(frozen=True, eq=False)
 class RigSolution:
     """The `fit` of a `task`, of which the frames `used` agree, with the covariance `cov` (K + 6, K + 6) of all shared
-    parameters (lenses, places of the other cameras, then of boards fixed to each other, the board's shape; 0 for what
-    was held) and of the boards' mean motion in the first camera. `taken`: (camera, view) → T_cam_board (4, 4) of views
-    whose board had moved when they were really taken; `lost`: views for which this isn't known."""
+    parameters (lenses, places of the other cameras, then of boards fixed to each other, the cameras' lateness, the
+    board's shape; 0 for what was held) and of the boards' mean motion in the first camera. `taken`: (camera, view) →
+    T_cam_board (4, 4) of views whose board had moved when they were really taken; `lost`: views for which this isn't
+    known."""
 
     task: RigTask
     fit: robust.Fit

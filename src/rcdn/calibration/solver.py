@@ -2,8 +2,8 @@
 are eliminated.
 
 The normal matrix has arrow structure: one 6 × 6 block for each frame (the pose of its board) and a border for the
-parameters that all frames share (intrinsics, poses of the other cameras, the board's shape). The poses are eliminated
-by the Schur complement (Triggs et al., Bundle Adjustment, 2000, section 6.1).
+parameters that all frames share (intrinsics, poses of the other cameras, how late they are, the board's shape). The
+poses are eliminated by the Schur complement (Triggs et al., Bundle Adjustment, 2000, section 6.1).
 """
 
 from __future__ import annotations
@@ -252,8 +252,8 @@ class Normal:
 
     @classmethod
     def _by_camera(cls, state: State, corners: Corners3, weight: Array, free: Array, loss: str, each: int) -> Normal:
-        """The same, camera by camera: a corner tells of its own camera's lens and place and of the board's shape,
-        and nothing of other cameras."""
+        """The same, camera by camera: a corner tells of its own camera's lens, place and lateness and of the
+        board's shape, and nothing of other cameras."""
         prior, many = state.beforehand, int(free.sum())
         blocks, whole = np.zeros((len(state.poses), 6, 6 + many)), prior.precision[np.ix_(free, free)].copy()
         by_frame, shared = np.zeros((len(state.poses), 6)), -prior.gradient(state.values)[free]

@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 
 from rcdn.calibration import robust
-from rcdn.calibration.arguments import check_boards
-from rcdn.calibration.calibrate import calibrate, check_arguments, check_model, names_of, whole_grid, with_geometries
+from rcdn.calibration.arguments import check_boards, given_size
+from rcdn.calibration.calibrate import calibrate, check_arguments, check_model, names_of, with_geometries
 from rcdn.calibration.coded import Geometries, Spacing
 from rcdn.calibration.common_model import one_model
 from rcdn.calibration.epipolar import epipolar_gaps, matches
@@ -90,7 +90,7 @@ def stereo_solution(
     cameras: KnownLenses = (None, None),
 ) -> StereoSolution:
     """`calibrate_stereo` with the covariance of both lenses and the relative pose together."""
-    pairs, size = _pairs(left, right, pairs), whole_grid(size)
+    pairs, size = _pairs(left, right, pairs), given_size(size)
     if pairs and all(np.array_equal(left[a].xy, right[b].xy) for a, b in pairs):
         raise ConfigError("left and right are the same boards, corner by corner; give the other camera's pictures")
     _check_lenses(cameras, model)

@@ -86,7 +86,7 @@ def write_chunks(path: str | Path, chunks: Iterable[bytes]) -> None:
             sys.stdout.buffer.writelines(chunks)
             sys.stdout.flush()
             return
-        if is_special(path) or _is_descriptor(path):
+        if is_stream(path):
             with open(path, "ab") as file:
                 file.writelines(chunks)
             return

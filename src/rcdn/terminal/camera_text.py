@@ -52,7 +52,8 @@ def camera_lines(calibration: Calibration) -> list[str]:
     few = c.camera.coefficients
     values = _values(c.camera.parameters[:few], c.std[:few])
     if "principal_point" in held_fixed(c):
-        values[2:4] = [f"{v:z.1f} (held)" for v in c.camera.parameters[2:4]]
+        centre = zip(c.camera.parameters[2:4], values[2:4], strict=True)
+        values[2:4] = [f"{f'{v:z.1f}':>{text.index('.') + 2}} (held)" for v, text in centre]
     lines += [f"  {n:<3} {v}" for n, v in zip(c.camera.parameter_names[:few], values, strict=True)]
     if (correction := c.camera.correction) is not None:
         rows, columns, _ = correction.control.shape

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rcdn.calibration.arguments import check_board, check_spacing
+from rcdn.calibration.arguments import check_board, check_spacing, given_size
 from rcdn.calibration.calibrate import MODELS
 from rcdn.calibration.coded import Geometries, Spacing
 from rcdn.calibration.guidance import gates
@@ -25,7 +25,7 @@ from rcdn.errors import ConfigError, shown
 from rcdn.geometry import project
 from rcdn.types import SQUARES, Array, Board, Plane
 from rcdn.types.arrays import Real, Shaped
-from rcdn.types.ranges import grid_size, whole_size
+from rcdn.types.ranges import whole_size
 
 FEWEST_CORNERS = 12
 """least number of corners of a board"""
@@ -89,7 +89,7 @@ class Guide:
         if not (np.isfinite(target) and target > 0):
             raise ConfigError(f"target must be a positive number of pixels, not {shown(target)}")
         self._wish = Wish(whole_size(image_size, "image_size"), spacing, model, float(target))
-        self._given = None if size is None else grid_size(size, "size", 2)
+        self._given = given_size(size)
         self._writing = threading.Lock()
         self._boards: dict[str, Board] = {}
         self._stillness = gates.Stillness()

@@ -74,10 +74,9 @@ def lens(calibration: Calibration, key: str = "", name: str = "", given: bool = 
     every = zip(camera.parameter_names, camera.parameters, calibration.std, strict=True)
     for parameter, value, std in list(every)[: camera.coefficients]:
         unit = "px" if parameter in ("fx", "fy", "cx", "cy") else ""
-        if parameter in ("cx", "cy") and "principal_point" in held and not given:
-            rows.append(Parameter(parameter, f"{value:.1f}", "held", unit, symbol=True))
-        else:
-            rows.append(Parameter(parameter, *value_and_std(float(value), float(std)), unit, symbol=True))
+        fixed = parameter in ("cx", "cy") and "principal_point" in held and not given
+        texts = (f"{value:.1f}", "held") if fixed else value_and_std(float(value), float(std))
+        rows.append(Parameter(parameter, *texts, unit, symbol=True))
     if camera.correction is not None:
         rows.append(Parameter("smooth correction", f"≤ {number(largest_shift(camera), 3)}", unit="px"))
     if camera.K[0, 1]:
