@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from rcdn.calibration import calibrate, projection_uncertainty
+from rcdn.calibration import calibrate, projection_uncertainty, robust
 from rcdn.calibration.bundle import State
 from rcdn.calibration.difference import camera_difference
 from rcdn.calibration.shape import (
@@ -18,10 +18,11 @@ from rcdn.calibration.shape import (
     Spread,
     all_labels,
     board_shape,
-    likelier,
+    likeliest,
     shape_basis,
     with_spread,
 )
+from rcdn.calibration.solver import solve
 from rcdn.errors import RcdnError
 from rcdn.types import BoardShape
 from rcdn_lab.camera_scenes import CAMERAS, SPACING, detected, random_boards, random_pose, see
@@ -199,16 +200,55 @@ def test_spreads_of_drawn_shapes_come_back():
     """Without doubt of the coefficients, the likeliest spread is their scatter."""
     rng, spread, found = np.random.default_rng(3), Spread(2e-4, 7e-4), []
     nothing = np.zeros((3 * len(FUNCTIONS),) * 2)
-    state = State.mono(BROWN, np.eye(4)[None], np.zeros((len(FUNCTIONS), 3)))
-    cov = np.linalg.inv(with_spread(state, spread).beforehand.precision[9:, 9:])
+    cov = prior_covariance(spread)
     for _ in range(100):
         drawn = rng.multivariate_normal(np.zeros(len(cov)), cov, method="eigh").reshape(-1, 3)
-        found.append(likelier(replace(state, shape=drawn), nothing, SPACING))
+        found.append(likeliest(drawn, nothing, spread, SPACING))
     assert np.sqrt(np.mean([f.plane**2 for f in found])) == pytest.approx(spread.plane, rel=0.1)
     assert np.sqrt(np.mean([f.depth**2 for f in found])) == pytest.approx(spread.depth, rel=0.1)
     # and if the corners tell nothing, it stays
-    again = likelier(state, cov, SPACING)
+    again = likeliest(np.zeros((len(FUNCTIONS), 3)), cov, spread, SPACING)
     assert (again.plane, again.depth) == pytest.approx((spread.plane, spread.depth), rel=1e-3)
+
+
+def prior_covariance(spread):
+    """Of a shape's coefficients under `spread`."""
+    state = State.mono(BROWN, np.eye(4)[None], np.zeros((len(FUNCTIONS), 3)))
+    return np.linalg.inv(with_spread(state, spread).beforehand.precision[9:, 9:])
+
+
+@pytest.mark.parametrize("true", [Spread(2e-4, 7e-4), Spread(1e-8, 1e-8)], ids=["bent", "flat"])
+def test_spreads_are_those_of_estimates_made_again(true):
+    """Of the same corners, estimated again under each new spread, they do not change any more; and they do not depend
+    on those that the first estimate was made under."""
+    rng = np.random.default_rng(5)
+    information = np.diag(rng.uniform(0.5, 2, 3 * len(FUNCTIONS)) / 3e-6**2)
+    drawn = rng.multivariate_normal(np.zeros(len(information)), prior_covariance(true), method="eigh")
+    seen = drawn + rng.normal(0, 1 / np.sqrt(np.diag(information)))
+
+    def under(spread):
+        cov = np.linalg.inv(information + np.linalg.inv(prior_covariance(spread)))
+        return (cov @ information @ seen).reshape(-1, 3), cov, spread, SPACING
+
+    first, wide = (likeliest(*under(spread)) for spread in (Spread.first(SPACING), Spread(1e-3, 1e-3)))
+    assert first.near(likeliest(*under(first)), 0.02)
+    assert first.near(wide, 0.15)
+    if true.plane > 1e-6:
+        scatter = (drawn.reshape(-1, 3) / FALLING)[2:].std(axis=0)
+        assert first.near(Spread(np.hypot(*scatter[:2]) / np.sqrt(2), scatter[2]), 0.2)
+    else:
+        assert first.plane < 1e-5
+        assert first.depth < 1e-5
+
+
+def test_a_fit_of_a_flat_board_converges(monkeypatch):
+    """The spreads of a shape that is not there fall slowly: they are not found by fitting again for each step."""
+    fits = []
+    monkeypatch.setattr(robust, "solve", lambda *given, **more: fits.append(1) or solve(*given, **more))
+    boards = random_boards(BROWN, 3, views=12)[0]
+    done = calibrate(boards, SPACING, model="brown")
+    assert done.shape is not None
+    assert len(fits) < robust.ROUNDS  # all rounds of the fit and of the initial fit before it
 
 
 # ---- BoardShape

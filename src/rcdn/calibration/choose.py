@@ -9,7 +9,7 @@ import numpy as np
 
 from rcdn.calibration.bundle import Corners3, State, default_free, residuals
 from rcdn.calibration.sight import reach
-from rcdn.calibration.solver import solve
+from rcdn.calibration.solver import ROUGHLY, solve
 from rcdn.types import Array
 from rcdn.types.arrays import Real
 
@@ -80,10 +80,11 @@ def held_out(state: State, task: Task, free: Array) -> Real[Array, "n 2"]:
         return held
     for k in range(FOLDS):
         out = np.isin(task.picture, pictures[k::FOLDS])
-        part = solve(state, task.corners, np.where(out, 0.0, task.weight), free).state
+        part = solve(state, task.corners, np.where(out, 0.0, task.weight), free, enough=ROUGHLY).state
         mine = np.flatnonzero(out & (task.weight > 0))
         some, firm = task.corners.take(mine), task.weight[mine]
-        held[mine] = residuals(solve(part, some, firm, default_free(part, lens=False), iterations=20).state, some)
+        nothing = default_free(part, lens=False)
+        held[mine] = residuals(solve(part, some, firm, nothing, iterations=20, enough=ROUGHLY).state, some)
     return held
 
 

@@ -9,8 +9,8 @@ import numpy as np
 from scipy.optimize import brentq
 
 from rcdn.calibration.bundle import Corners3, State, default_free, middles, residuals
-from rcdn.calibration.shape import Spread, likelier, with_spread
-from rcdn.calibration.solver import BEHIND, Arrow, solve
+from rcdn.calibration.shape import CONVERGED, Spread, likeliest, with_spread
+from rcdn.calibration.solver import BEHIND, ROUGHLY, Arrow, solve
 from rcdn.calibration.start import Seen
 from rcdn.calibration.start import poses as poses_of
 from rcdn.calibration.uncertainty import JACKKNIFE, Clustered, clustered
@@ -32,8 +32,6 @@ ODD = 3.0
 """× the usual median distance of corners: a view above it is weighted less in the initial fit, and its pose is
 estimated anew"""
 ROUNDS = 20
-CONVERGED = 0.02
-"""relative change of the prior's spreads between iterations below which they have converged"""
 LEAST_NOISE = 1e-4
 """px; least standard deviation of corners"""
 MEDIAN = 2 * np.log(2.0)
@@ -67,7 +65,7 @@ def initial_fit(start: State, corners: Corners3, sigma: Array, free: Array, turn
     state, noise = start, _median_noise(residuals(start, corners), np.zeros(len(sigma)))
     for _ in range(2):
         calm = _calm(residuals(state, corners), corners.frame, len(start.poses))
-        state = solve(state, corners, _weights(noise, sigma) * calm, free, "soft_l1").state
+        state = solve(state, corners, _weights(noise, sigma) * calm, free, "soft_l1", enough=ROUGHLY).state
         noise = _median_noise(residuals(state, corners), sigma)
         if turn:
             state = _better_poses(state, corners, _weights(noise, sigma))
@@ -107,7 +105,8 @@ def _where_better(state: State, other: State, tried: Array, corners: Corners3, w
     if not len(mine):
         return state
     some, firm = corners.take(mine), weight[mine]
-    other = solve(other, some, firm, default_free(state, lens=False), "soft_l1", iterations=12).state
+    nothing = default_free(state, lens=False)
+    other = solve(other, some, firm, nothing, "soft_l1", iterations=12, enough=ROUGHLY).state
     costs = []
     for each in (state, other):
         square = np.nan_to_num((residuals(each, some) * firm[:, None]) ** 2, nan=BEHIND**2)
@@ -174,7 +173,7 @@ def fit(
     state = with_spread(start, spread) if shaped else start
     used, reasons = np.zeros(len(corners), bool), [""] * len(start.poses)
     for _ in range(ROUNDS):
-        before, former = used, spread
+        before, former, calm = used, spread, noise
         used, reasons = _agreeing(residuals(state, corners), corners.frame, noise, sigma, len(start.poses))
         weight = np.where(used, _weights(noise, sigma), 0.0)
         solution = solve(state, corners, weight, free)
@@ -183,9 +182,11 @@ def fit(
             residuals(state, corners)[used], sigma[used], _unknowns(state, solution.arrow, corners, used, free)
         )
         if shaped:
-            spread = likelier(state, solution.arrow.covariance[-state.shape.size :, -state.shape.size :], spacing)
+            own = solution.arrow.covariance[-state.shape.size :, -state.shape.size :]
+            spread = likeliest(state.shape, own, spread, spacing)
             state = with_spread(state, spread)
-        if (used == before).all() and spread.near(former, CONVERGED):
+        settled = np.allclose(_weights(noise, sigma), _weights(calm, sigma), rtol=CONVERGED, atol=0)
+        if settled and (used == before).all() and spread.near(former, CONVERGED):
             break
     gaps = residuals(state, corners)
     square = float(((gaps[used] * weight[used, None]) ** 2).sum())

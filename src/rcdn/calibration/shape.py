@@ -34,6 +34,8 @@ FALLING = np.array([float(i + j) ** -DECAY for i, j in FUNCTIONS])[:, None]
 """(B, 1) prior standard deviation of each function relative to that of the first degree"""
 HELD = 1e3
 """ratio of the prior's standard deviations to those of displacements that a motion or the size would explain"""
+CONVERGED, MOST_STEPS = 0.02, 100
+"""relative change of the spreads in a step of expectation–maximisation below which they have converged; most steps"""
 FEWEST_SHAPED = 5
 """least number of views in which it is known which corner is which, for the shape to be estimated; with fewer the board
 is taken as perfect"""
@@ -105,18 +107,39 @@ class Spread:
 def with_spread(state: State, spread: Spread) -> State:
     """`state` with a prior of these spreads on its shape, in addition to that of its lenses."""
     lens = state.beforehand
-    each = 1 / (FALLING * [spread.plane, spread.plane, spread.depth]) ** 2
     at = len(lens.mean) - state.shape.size
     precision = lens.precision.copy()
-    held = HELD**2 * np.array([spread.plane, spread.plane, spread.depth, spread.depth]) ** -2.0
-    precision[at:, at:] = np.diag(each.ravel()) + _motions().T * held @ _motions()
+    precision[at:, at:] = _precision(spread)
     return replace(state, prior=Prior(lens.mean, precision))
 
 
-def likelier(state: State, covariance: Array, spacing: float) -> Spread:
-    """The spreads after one step of expectation–maximisation. `covariance` (3 B, 3 B) of the shape given the corners,
-    m²."""
-    square = ((state.shape**2 + np.diag(covariance).reshape(-1, 3)) / FALLING**2).sum(axis=0)
+def _precision(spread: Spread) -> Real[Array, "k k"]:
+    """(3 B, 3 B) the prior's precision, 1 / m²."""
+    each = 1 / (FALLING * [spread.plane, spread.plane, spread.depth]) ** 2
+    held = HELD**2 * np.array([spread.plane, spread.plane, spread.depth, spread.depth]) ** -2.0
+    return np.asarray(np.diag(each.ravel()) + _motions().T * held @ _motions())
+
+
+def likeliest(shape: Real[Array, "b 3"], covariance: Real[Array, "k k"], spread: Spread, spacing: float) -> Spread:
+    """The spreads at which expectation–maximisation converges (relative change below CONVERGED). `shape` (B, 3) m and
+    `covariance` (3 B, 3 B) m² of its coefficients given the corners, estimated under `spread`.
+
+    The corners stay linearised: under another prior the estimate is a product of Gaussians.
+    """
+    before, now = _precision(spread), (shape, covariance)
+    for _ in range(MOST_STEPS):
+        former, spread = spread, _likelier(*now, spacing)
+        if spread.near(former, CONVERGED):
+            break
+        change = np.eye(shape.size) + covariance @ (_precision(spread) - before)
+        both = np.linalg.solve(change, np.column_stack([shape.ravel(), covariance]))
+        now = both[:, 0].reshape(-1, 3), both[:, 1:]
+    return spread
+
+
+def _likelier(shape: Array, covariance: Array, spacing: float) -> Spread:
+    """The spreads after one step of expectation–maximisation."""
+    square = ((shape**2 + np.diag(covariance).reshape(-1, 3)) / FALLING**2).sum(axis=0)
     many = len(FUNCTIONS)  # two of the coefficients are held at zero within the plane, and two out of it
     plane, depth = np.sqrt((square[0] + square[1]) / (2 * many - 2)), np.sqrt(square[2] / (many - 2))
     return Spread(*(float(np.clip(value, LEAST_SPREAD * spacing, MOST_SPREAD * spacing)) for value in (plane, depth)))

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg.lapack import dtrtri
@@ -29,8 +30,9 @@ from rcdn.types.arrays import Real
 RIDGE = 1e-10
 """× the largest diagonal element of a block: keeps the factorisation defined where nothing determines a parameter,
 whose variance is then huge"""
-ITERATIONS, ENOUGH = 60, 1e-9
-"""most steps; relative decrease of the cost below which the iteration ends"""
+ITERATIONS, ENOUGH, ROUGHLY = 60, 1e-9, 1e-6
+"""most steps; relative decrease of the cost below which the iteration ends; the same where a hundredth of a standard
+deviation does not matter, as in an initial fit"""
 DAMPING, STRONGEST = 1e-6, 1e8
 """initial damping of Levenberg–Marquardt, and the damping at which it stops"""
 SHORTEST, LONGEST, UNCHANGED = 0.1, 4.0, 1.25
@@ -284,10 +286,17 @@ def without_pose(by_pose: Array, shared: Array, gaps: Array) -> tuple[Array, Arr
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """`state` at the minimum; `arrow` there, the factor of the covariance if the weights are right."""
+    """`state` at the minimum of the cost of `corners` with `weight` (N,), under the `free` (K,) parameters."""
 
     state: State
-    arrow: Arrow
+    corners: Corners3
+    weight: Array
+    free: Array
+
+    @cached_property
+    def arrow(self) -> Arrow:
+        """The factor of the covariance at the minimum, if the weights are right."""
+        return Normal.of(self.state, self.corners, self.weight, self.free).arrow()
 
 
 def solve(
@@ -297,12 +306,14 @@ def solve(
     free: Array | None = None,
     loss: str = "linear",
     iterations: int = ITERATIONS,
+    enough: float = ENOUGH,
 ) -> Solution:
     """The `State` that minimises the sum of squares of `weight` (N,) × (observed − projected) (N, 2) plus the cost of
     its prior, from `start`.
 
     `free` (K,) bool: the shared parameters that may change (default: those of the lenses). `loss`: linear or soft_l1
-    (for each axis, with scale 2). A frame without corners keeps its pose.
+    (for each axis, with scale 2). `enough`: relative decrease of the cost below which the iteration ends. A frame
+    without corners keeps its pose.
     """
     free = default_free(start) if free is None else free
     state = replace(start, prior=start.beforehand)  # computed once
@@ -312,9 +323,9 @@ def solve(
         other, less, damping = _step(state, here, cost, damping, corners, weight, free, loss)
         gain = (cost - less) / max(cost, 1e-300)
         state, cost = other, less
-        if gain < ENOUGH:
+        if gain < enough:
             break
-    return Solution(replace(state, prior=start.prior), Normal.of(state, corners, weight, free).arrow())
+    return Solution(replace(state, prior=start.prior), corners, weight, free)
 
 
 def _step(

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rcdn.geometry import project, unproject
+from rcdn.geometry.median import median
 from rcdn.types import Array, Camera
 from rcdn.types.arrays import Real
 
@@ -19,8 +20,8 @@ FOCAL = 0.3 * 1.28 ** np.arange(17)
 """focal lengths of the grid search, in half diagonals of the picture: 0.3 to 16"""
 BEND = (0.0, 0.1, -0.08, -0.2, -0.4, -0.7, -1.0, -1.4)
 """distortions of the grid search: λ·r² of the division model at the half diagonal"""
-MOST_BOARDS = 16
-"""most boards that the grid search uses"""
+MOST_BOARDS, MOST_CORNERS = 16, 40
+"""most boards that the grid search uses, and most corners of each"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,15 +35,17 @@ class Seen:
 def first_camera(views: list[Seen], image_size: tuple[int, int]) -> Camera:
     """An approximate camera of the model `division`: focal length and distortion with the least median reprojection
     error of planar boards."""
-    some = (
-        views
-        if len(views) <= MOST_BOARDS
-        else [views[k] for k in np.linspace(0, len(views) - 1, MOST_BOARDS).astype(int)]
-    )
-    batch = _Batch.of(some)
+    some = [views[k] for k in _evenly(len(views), MOST_BOARDS)]
+    corners = [_evenly(len(view.xy), MOST_CORNERS) for view in some]
+    batch = _Batch.of([Seen(v.board[mine], v.xy[mine]) for v, mine in zip(some, corners, strict=True)])
     half = float(np.hypot(*image_size)) / 2
     tries = [division_camera(f * half, bend, half, image_size) for f in FOCAL for bend in BEND]
     return min(tries, key=batch.misfit)
+
+
+def _evenly(count: int, most: int) -> Array:
+    """At most `most` of the numbers 0 to `count` − 1, evenly spaced."""
+    return np.linspace(0, count - 1, min(count, most)).astype(int)
 
 
 def division_camera(focal: float, bend: float, half: float, image_size: tuple[int, int]) -> Camera:
@@ -89,9 +92,9 @@ class _Batch:
         T = self._scaled_poses(camera)
         points = self.board @ T[:, :3, :2].transpose(0, 2, 1) + T[:, None, :3, 3]
         gap = np.linalg.norm(project(camera, points) - self.xy, axis=2)
-        gap = np.where(np.isfinite(gap), gap, 1e6)
-        gap[self.there == 0] = np.nan
-        return float(np.median(np.nanmedian(gap, axis=1)))
+        gap = np.where(self.there == 0, np.inf, np.where(np.isfinite(gap), gap, 1e6))
+        order, many, view = np.sort(gap, axis=1), np.count_nonzero(self.there, axis=1), np.arange(len(gap))
+        return median((order[view, (many - 1) // 2] + order[view, many // 2]) / 2)
 
     def poses(self, camera: Camera) -> Real[Array, "v 4 4"]:
         """(V, 4, 4), in the unit of the views."""
