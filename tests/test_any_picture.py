@@ -70,12 +70,26 @@ def test_cmyk_becomes_rgb():
 def test_what_is_no_picture_is_said(tmp_path):
     with pytest.raises(ImageError, match=r"none\.png: no such file"):
         DETECTOR.detect("none.png")
-    with pytest.raises(ImageError, match="must be a numpy array, not list"):
-        DETECTOR.detect([[1]])
     Image.fromarray(TINTED).save(path := tmp_path / "cut.png")
     path.write_bytes(path.read_bytes()[:-2000])
     with Image.open(path) as cut, pytest.raises(ImageError, match="PIL can't decode it"):
         DETECTOR.detect(cut)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ([GREY, GREY], r"not list; give one picture a call"),
+        ((True, GREY), r"not tuple; .*VideoCapture\.read returns"),
+        (b"\x89PNG", r"not bytes; decode it first: cv2\.imdecode"),
+        (cv2.UMat(GREY), r"not UMat; .*umat\.get\(\)"),
+        ({}, r"not dict; convert it, e\.g\. with np\.asarray"),
+    ],
+    ids=["list", "tuple", "bytes", "UMat", "dict"],
+)
+def test_what_is_no_array_is_told_how_to_become_one(given, message):
+    with pytest.raises(ImageError, match=f"^image must be a numpy array, {message}"):
+        DETECTOR.detect(given)
 
 
 def test_the_drop_in_takes_them_too(tmp_path):

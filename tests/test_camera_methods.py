@@ -154,6 +154,13 @@ def test_one_of_several_cameras_is_named(tmp_path):
         Camera.load(tmp_path / "a.txt")
 
 
+@pytest.mark.parametrize("path", [None, 3])
+def test_what_is_no_path_is_said(path):
+    """A number would be a file that this process has open."""
+    with pytest.raises(FormatError, match=f"^path must be the name of a file, not {path}"):
+        Camera.load(path)
+
+
 def test_methods_need_nobody_to_have_imported_anything(tmp_path):
     code = (
         "from rcdn.types.camera import Camera; import numpy as np; "

@@ -126,7 +126,7 @@ def with_geometries(
     shaped = not flat and task.settled >= FEWEST_SHAPED
     fits = _fits(task, models, start, T, whole.spacing, fixed, shaped)
     chosen, scores = _choose(task, fits)
-    if shaped and _flat_predicts_better(task, fits[chosen], fixed):
+    if shaped and _flat_predicts_better(task, fits, chosen, scores[0].held_out, fixed):
         fits = _fits(task, models, start, T, whole.spacing, fixed, shaped=False)
         chosen, scores = _choose(task, fits)
     done = result_of(task, boards, labels, names, fits[chosen], whole, scores)
@@ -204,8 +204,7 @@ def pictures_of(task: Usable) -> Real[Array, " f"]:
 def _choose(task: Usable, fits: dict[str, robust.Fit]) -> tuple[str, tuple[ModelScore, ...]]:
     """The selected model and the scores of all, the selected one first. All are compared on the same corners: those of
     the model that leaves out the fewest."""
-    widest = max(fits.values(), key=lambda f: (int(f.used.sum()), -f.noise))
-    common = choose.Task(task.corners, widest.weight, task.picture)
+    common = _common(task, fits)
     free = [default_free(f.state, shape=True) for f in fits.values()]
     at, trials = choose.compare([f.state for f in fits.values()], common, free)
     scores = [ModelScore(m, t.rms, t.held) for m, t in zip(fits, trials, strict=True)]
@@ -213,11 +212,18 @@ def _choose(task: Usable, fits: dict[str, robust.Fit]) -> tuple[str, tuple[Model
     return scores[0].model, tuple(scores)
 
 
-def _flat_predicts_better(task: Usable, fit: robust.Fit, fixed: frozenset[str]) -> bool:
-    """`choose.flat_predicts_better` on the used corners of `fit`."""
-    common = choose.Task(task.corners, fit.weight, task.picture)
-    flat = with_fixed(replace(fit.state, shape=np.zeros((0, 3)), prior=None), fixed)
-    return choose.flat_predicts_better(flat, fit.state, common, lambda state: default_free(state, shape=True))
+def _common(task: Usable, fits: dict[str, robust.Fit]) -> choose.Task:
+    """The corners on which the `fits` are compared."""
+    widest = max(fits.values(), key=lambda f: (int(f.used.sum()), -f.noise))
+    return choose.Task(task.corners, widest.weight, task.picture)
+
+
+def _flat_predicts_better(
+    task: Usable, fits: dict[str, robust.Fit], chosen: str, held: float, fixed: frozenset[str]
+) -> bool:
+    """`choose.flat_predicts_better` for the `chosen` fit, with the held-out error `held`."""
+    flat = with_fixed(replace(fits[chosen].state, shape=np.zeros((0, 3)), prior=None), fixed)
+    return choose.flat_predicts_better(flat, held, _common(task, fits), default_free(flat, shape=True))
 
 
 def _splined(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -93,17 +92,21 @@ def held_out_rms(state: State, task: Task, free: Array) -> float:
     return rms(held_out(state, task, free), task.weight)
 
 
-def flat_predicts_better(flat: State, shaped: State, task: Task, free: Callable[[State], Array]) -> bool:
-    """Whether a planar, evenly spaced board predicts held-out pictures far better than the estimated shape (`FLAT`);
-    False with fewer pictures than ENOUGH. `flat`, `shaped`: the state with each, `free` gives the unknowns (K,) of one.
+def flat_predicts_better(flat: State, held: float, task: Task, free: Array) -> bool:
+    """Whether a planar, evenly spaced board predicts held-out pictures far better than the estimated shape (`FLAT`),
+    whose error there is `held`, px; False with fewer pictures than ENOUGH. `flat`: a state with such a board, `free`
+    (K,) its unknowns.
 
     Views that hardly differ (none tilted, for example) do not determine a shape: it would then fit what is particular
-    to these views.
+    to these views. The held-out error is no smaller than that on the pictures of the fit: a flat board whose error
+    there is too large is not cross-validated.
     """
     if len(np.unique(task.picture)) < ENOUGH:
         return False
-    errors = [held_out_rms(state, task, free(state)) for state in (flat, shaped)]
-    return errors[0] * FLAT < errors[1]
+    flat = solve(flat, task.corners, task.weight, free).state
+    return (
+        rms(residuals(flat, task.corners), task.weight) * FLAT < held and held_out_rms(flat, task, free) * FLAT < held
+    )
 
 
 def rms(gaps: Real[Array, "n 2"], weight: Array) -> float:

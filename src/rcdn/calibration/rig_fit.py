@@ -76,4 +76,5 @@ def _flat_predicts_better(joint: Joint, fit: robust.Fit) -> bool:
     some = np.isin(moment, every[np.linspace(0, len(every) - 1, min(len(every), COMPARED)).astype(int)])
     task = choose.Task(joint.corners.take(some), fit.weight[some], moment[some])
     flat = replace(fit.state, shape=np.zeros((0, 3)), prior=None)
-    return choose.flat_predicts_better(flat, fit.state, task, lambda state: free_of(state, joint))
+    held = choose.held_out_rms(fit.state, task, free_of(fit.state, joint))
+    return choose.flat_predicts_better(flat, held, task, free_of(flat, joint))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -23,7 +24,9 @@ _KINDS = {list: "a list", dict: "an object", str: "text", int: "a whole number",
 
 def read_text(path: str | Path) -> str:
     """The text of `path`, UTF-8 with or without a byte order mark. Raises FormatError if it can't be read or isn't
-    text."""
+    text, or `path` isn't a path."""
+    if not isinstance(path, str | os.PathLike):
+        raise FormatError(f"path must be the name of a file, not {shown(path)}")
     try:
         with open(path, "rb") as file:
             data = file.read(MOST_BYTES + 1)

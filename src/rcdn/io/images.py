@@ -29,6 +29,13 @@ _HEAD = 32  # bytes that determine the format
 _BAGS = (".bag", ".db3", ".mcap")
 _GREY_MODES = ("1", "L", "I", "F", "I;16", "I;16L", "I;16B", "I;16N")  # of PIL
 _PIECE = 1 << 24  # bytes read at once
+_TO_ARRAY = {
+    "bytes": "decode it first: cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)",
+    "UMat": "copy it from the device first: umat.get()",
+    "list": "give one picture a call, or np.asarray of rows of pixels",
+    "tuple": "give one picture a call; cv2.VideoCapture.read returns (whether there is one, the picture)",
+}
+"""what to do with an object of another type, by its name"""
 
 
 def read_image(path: str | Path) -> Array:
@@ -224,7 +231,10 @@ def _channels(image: Any, name: str) -> Array:
     if isinstance(image, str | Path):
         raise ImageError(f"{name} is a path; read it first, with rcdn.read_image")
     if not isinstance(image, np.ndarray):
-        raise ImageError(f"{name} must be a numpy array, not {type(image).__name__}; convert it, e.g. with np.asarray")
+        kind = type(image).__name__
+        raise ImageError(
+            f"{name} must be a numpy array, not {kind}; {_TO_ARRAY.get(kind, 'convert it, e.g. with np.asarray')}"
+        )
     if np.ma.is_masked(image):
         raise ImageError(f"{name} has masked pixels; fill them first, e.g. with image.filled(0)")
     if image.ndim == 3 and image.shape[2] == 1:
