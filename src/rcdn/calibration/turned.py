@@ -144,7 +144,7 @@ def _information(calibration: Calibration, views: Sequence[BoardView]) -> tuple[
     """The contribution of each of the `views`, and the `_negated` parameters, at the camera that they give."""
     corners, sigma = corners_of(calibration, views, [v.used for v in views])
     state = state_of(calibration, views)
-    state, noise = robust.initial_fit(state, corners, sigma, default_free(state), turn=False)
+    state, noise = robust.initial_fit(state, corners, sigma, default_free(state))
     info = of_state(state, corners, 1 / np.sqrt(np.maximum(noise**2 + sigma**2, LEAST_SCATTER**2)))
     return info.at_optimum(), _negated(state.cameras[0])
 
