@@ -137,7 +137,13 @@ def test_maps_and_standard_output(run):
         (["a.json", "b.yaml", "--camera-name", "right"], 1, "name one of them"),
         (["a.json", "b.png"], 2, "overwrite a picture"),
         (["d.json", "b.yaml"], 1, "as json, vnl or csv; end the name with one"),
+        (["d.json", "-"], 1, "as json, vnl or csv; name one with --to"),
         (["d.json", "d.json", "b.vnl"], 2, "file by file"),
+        (["d.json", "d.vnl", "--image-size", "640x480"], 2, "--image-size has no effect: d.json tells the size"),
+        (["d.json", "d.vnl", "--camera-name", "left"], 2, "--camera-name has no effect: d.json holds detections"),
+        (["d.json", "d.vnl", "--lossy"], 2, "--lossy has no effect: d.json holds detections"),
+        (["a.json", "b.yaml", "--board", "5x4"], 2, "--board has no effect: a.json holds no detections"),
+        (["missing.yaml", "b.yaml", "--board", "5x4"], 1, "no such file"),
     ],
 )
 def test_wrong_use(run, arguments, code, words):

@@ -142,6 +142,15 @@ def test_a_file_of_two_cameras_is_a_rig(tmp_path, name):
     np.testing.assert_allclose(found.relative("left", "right")[0], T, atol=1e-9)
 
 
+def test_a_broken_file_of_two_cameras_is_told_what_it_lacks(tmp_path):
+    made = rig(("brown4", "brown4"))
+    write_stereo(tmp_path / "pair.yaml", StereoCameras(*made.cameras, np.eye(4)))
+    whole = (tmp_path / "pair.yaml").read_text()
+    (tmp_path / "pair.yaml").write_text(whole.replace("T: !!", "X: !!"))
+    with pytest.raises(FormatError, match=r"pair\.yaml: 'T' must be a 3 × 1 matrix"):
+        read_rig(tmp_path / "pair.yaml")
+
+
 def test_a_file_of_one_camera_is_no_rig(tmp_path):
     rig().cameras[0].save(tmp_path / "one.yaml")
     with pytest.raises(FormatError, match="holds no rig"):

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from rcdn.errors import FormatError, many
+from rcdn.terminal.console import STDOUT
 
 if TYPE_CHECKING:
     from rcdn.io import ImageResult
@@ -119,5 +120,6 @@ def format_of(path: Path, name: str | None = None) -> DetectionFormat:
     known = FORMATS.get(name or path.suffix.lower().removeprefix("."))
     if known is None:
         *most, last = FORMATS
-        raise FormatError(f"{path}: detections are written as {', '.join(most)} or {last}; end the name with one")
+        fix = "name one with --to" if path == STDOUT else "end the name with one"
+        raise FormatError(f"{path}: detections are written as {', '.join(most)} or {last}; {fix}")
     return known

@@ -17,7 +17,7 @@ from rcdn.terminal.console import Quiet
 from rcdn.terminal.options import GridSize, camera_formats, one_of, parse_size
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from rcdn.io import CameraFormat, StereoCameras
     from rcdn.types import Camera
@@ -103,13 +103,25 @@ def convert(
     if out != console.STDOUT and any(os.path.realpath(out) == os.path.realpath(p) for p in inputs):
         raise ConfigError(f"{out}: is read and written; name another file to write")
     check_file("OUT", out, inputs)
+    of_cameras = {"--camera-name": camera_name is not None, "--lossy": lossy}
+    of_detections = {"--board": board is not None, "--image-size": image_size is not None}
     if _holds_detections(inputs[0]):
+        _refuse(of_cameras, f"{inputs[0]} holds detections")
         _convert_detections(inputs, out, to, board, image_size)
     elif (kind := to or out.suffix.lower().removeprefix(".")) in FORMATS and kind not in camera_formats():
         raise FormatError(f"{inputs[0]}: holds no detections, which {kind} is for; give a file of `rcdn detect`")
     else:
+        if inputs[0].exists():
+            _refuse(of_detections, f"{inputs[0]} holds no detections")
         _convert_cameras(inputs, out, to, camera_name, lossy)
     console.note_written([out])
+
+
+def _refuse(options: Mapping[str, bool], reason: str) -> None:
+    """Raise ConfigError for the first of the `options` (name → whether it is given) that is given: it would have no
+    effect."""
+    for name in (name for name, given in options.items() if given):
+        raise ConfigError(f"{name} has no effect: {reason}; leave it out")
 
 
 # ---- detections
@@ -143,6 +155,7 @@ def _convert_detections(
     errors: list[tuple[str, str]] = []
     size = None if board is None else (board.cols, board.rows)
     if _is_json(path):
+        _refuse({"--image-size": image_size is not None}, f"{path} tells the size of its pictures")
         images, errors = read_detections(path)
     else:
         pixels = None if image_size is None else (image_size.cols, image_size.rows)

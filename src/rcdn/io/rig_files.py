@@ -142,10 +142,13 @@ def read_rig(path: str | Path, *others: str | Path) -> Rig:
             return _of_chain(data, where)
         try:
             return _of_pair(paths[0])
-        except FormatError:
+        except FormatError as error:
+            if isinstance(data, dict) and {"M1", "M2"} & data.keys():
+                raise
             raise FormatError(
-                f"{where}: holds no rig; of one file a camera (OpenCV, ROS) give all, else a file that {_READ} wrote"
-            ) from None
+                f"{where}: holds no rig; of one file a camera (OpenCV, ROS) give all, or the name that they were "
+                f"written under (rig.yaml of rig_left.yaml), else a file that {_READ} wrote"
+            ) from error
 
 
 def _of_pair(path: Path) -> Rig:
