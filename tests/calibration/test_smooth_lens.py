@@ -15,6 +15,7 @@ from rcdn.cli import app
 from rcdn.io import lens_fit, write_calibration
 from rcdn_lab.camera_scenes import CAMERAS, SPACING, board, random_boards
 
+pytestmark = pytest.mark.xdist_group("smooth lens")  # one correction that most of them look at
 BROWN, NOISE = CAMERAS["brown"], 0.03
 
 
@@ -30,9 +31,17 @@ def rippled():
     return out
 
 
-def test_ripples_are_followed_where_no_coefficient_does(rippled):
-    plain = calibrate(rippled, SPACING, model="brown", flat=True)
-    smooth = calibrate(rippled, SPACING, model="splined", flat=True)
+@pytest.fixture(scope="module")
+def plain(rippled):
+    return calibrate(rippled, SPACING, model="brown", flat=True)
+
+
+@pytest.fixture(scope="module")
+def smooth(rippled):
+    return calibrate(rippled, SPACING, model="splined", flat=True)
+
+
+def test_ripples_are_followed_where_no_coefficient_does(plain, smooth):
     assert smooth.camera.correction is not None
     assert smooth.models[0].model.endswith("with spline")
     assert smooth.rms < 0.35 * plain.rms
@@ -67,7 +76,7 @@ def test_a_file_of_coefficients_holds_what_the_corners_give_without_a_correction
     assert "solved from the same pictures" in found.text
 
     def error(camera):
-        gaps = [estimate_pose(b, camera, SPACING).rms for b in near_the_middle]
+        gaps = [estimate_pose(b, camera, SPACING).rms for b in near_the_middle[::3]]
         return float(np.sqrt(np.mean(np.square(gaps))))
 
     assert error(found.held) < 1.02 * error(plain.camera)
@@ -79,8 +88,7 @@ def convert(done, folder, *options):
     return CliRunner().invoke(app, ["convert", str(folder / "c.json"), str(folder / "a.yaml"), *options])
 
 
-def test_formats_with_a_correction_of_their_own_need_no_other_lens(rippled, tmp_path):
-    smooth = calibrate(rippled, SPACING, model="splined", flat=True)
+def test_formats_with_a_correction_of_their_own_need_no_other_lens(plain, smooth, tmp_path):
     assert plain_fit("a.json", smooth) is None
     assert not plain_fit("a.cameramodel", smooth).solved
     refused, written = (convert(smooth, tmp_path, *lossy) for lossy in ((), ("--lossy",)))
@@ -88,7 +96,7 @@ def test_formats_with_a_correction_of_their_own_need_no_other_lens(rippled, tmp_
     told = plain_fit(str(tmp_path / "a.yaml"), smooth).text
     assert told in refused.stderr  # what --lossy would write is what it writes
     assert told in written.stderr
-    assert plain_fit("a.yaml", calibrate(rippled, SPACING, model="brown", flat=True)) is None
+    assert plain_fit("a.yaml", plain) is None
 
 
 def test_flat_corrections_cost_and_bent_ones_of_the_typical_size_cost_one():
@@ -105,8 +113,7 @@ def test_flat_corrections_cost_and_bent_ones_of_the_typical_size_cost_one():
     assert len(lens_prior(with_correction(state)).mean) == len(camera.parameters)
 
 
-def test_views_tell_of_a_corrected_lens_under_the_prior_of_its_bending(rippled):
+def test_views_tell_of_a_corrected_lens_under_the_prior_of_its_bending(smooth):
     """Without it control points that no corner tells of leave the focal length open by thousands of pixels."""
-    done = calibrate(rippled, SPACING, model="splined", flat=True)
-    deviations = view_information(done).at_optimum().deviations()
-    assert (deviations[:4] < 4 * done.std[:4]).all()
+    deviations = view_information(smooth).at_optimum().deviations()
+    assert (deviations[:4] < 4 * smooth.std[:4]).all()

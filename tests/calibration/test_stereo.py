@@ -249,8 +249,8 @@ def test_one_camera_twice_is_refused(pair):
 
 
 def test_cameras_the_other_way_round_are_told(pair):
-    left, right, _ = pair
-    assert swapped_hint(calibrate_stereo(left, right, SPACING, model="pinhole")) == ""
+    left, right, found = pair
+    assert swapped_hint(found) == ""
     swapped = swapped_hint(calibrate_stereo(right, left, SPACING, model="pinhole"))
     assert re.search(r"right camera stands 0\.1\d+ m to the left of the left one", swapped)
 
