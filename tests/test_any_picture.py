@@ -82,10 +82,11 @@ def test_what_is_no_picture_is_said(tmp_path):
         ([GREY, GREY], r"not list; give one picture a call"),
         ((True, GREY), r"not tuple; .*VideoCapture\.read returns"),
         (b"\x89PNG", r"not bytes; decode it first: cv2\.imdecode"),
+        (bytearray(b"\x89PNG"), r"not bytearray; decode it first: cv2\.imdecode"),
         (cv2.UMat(GREY), r"not UMat; .*umat\.get\(\)"),
         ({}, r"not dict; convert it, e\.g\. with np\.asarray"),
     ],
-    ids=["list", "tuple", "bytes", "UMat", "dict"],
+    ids=["list", "tuple", "bytes", "bytearray", "UMat", "dict"],
 )
 def test_what_is_no_array_is_told_how_to_become_one(given, message):
     with pytest.raises(ImageError, match=f"^image must be a numpy array, {message}"):

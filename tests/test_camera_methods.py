@@ -12,6 +12,7 @@ from PIL import Image
 import rcdn
 from rcdn.errors import FormatError, ImageError, RcdnError
 from rcdn.geometry import project, transform, zero_correction
+from rcdn.io import read_image, read_rig
 from rcdn.types import Camera, Pose
 from rcdn_lab.camera_scenes import CAMERAS, random_pose
 
@@ -154,11 +155,12 @@ def test_one_of_several_cameras_is_named(tmp_path):
         Camera.load(tmp_path / "a.txt")
 
 
+@pytest.mark.parametrize("read", [Camera.load, read_rig, read_image])
 @pytest.mark.parametrize("path", [None, 3])
-def test_what_is_no_path_is_said(path):
+def test_what_is_no_path_is_said(read, path):
     """A number would be a file that this process has open."""
-    with pytest.raises(FormatError, match=f"^path must be the name of a file, not {path}"):
-        Camera.load(path)
+    with pytest.raises(RcdnError, match=f"^path must be the name of a file, not {path}"):
+        read(path)
 
 
 def test_methods_need_nobody_to_have_imported_anything(tmp_path):

@@ -34,10 +34,16 @@ def seen():
 
 @pytest.fixture(scope="module")
 def alone(seen):
-    """Each camera from its own boards alone: by name the same whatever the moments."""
+    """Each camera from its own boards alone, once it is asked for: by name the same whatever the moments."""
     boards, _ = seen
     geometries = rig_module.Geometries.of([b for each in boards.values() for b in each], SPACING, None)
-    return {name: rig_module._alone(name, boards[name], geometries, None, "brown") for name in RING}
+
+    class Alone(dict):
+        def __missing__(self, name):
+            self[name] = rig_module._alone(name, boards[name], geometries, None, "brown")
+            return self[name]
+
+    return Alone()
 
 
 @pytest.fixture
@@ -159,8 +165,15 @@ def test_a_ring_whose_shared_boards_are_all_shuffled_in_time_is_no_rig(rig, seen
         rig(wrong)
 
 
-@pytest.mark.parametrize(("a", "b"), [(0, 1), (2, 3)])
-def test_two_cameras_alone_are_placed_by_joint_lenses(seen, alone, monkeypatch, a, b):
+def test_two_cameras_alone_are_placed_by_joint_lenses(seen, alone, monkeypatch):
+    are_placed(seen, alone, monkeypatch, 2, 3)
+
+
+def test_two_that_look_elsewhere_are_placed_too(seen, alone, monkeypatch):
+    are_placed(seen, alone, monkeypatch, 0, 1)
+
+
+def are_placed(seen, alone, monkeypatch, a, b):
     monkeypatch.setattr(stereo, "_each", lambda *_: (alone[RING[a]], alone[RING[b]], ""))
 
     def found(moments):

@@ -240,6 +240,18 @@ def test_spreads_are_those_of_estimates_made_again(true):
         assert first.depth < 1e-5
 
 
+def test_a_small_board_that_is_printed_very_unevenly_is_no_flat_one():
+    """The likelihood rises slowly at first: of nine corners no shape is plain under the spreads of ordinary prints."""
+    size = (3, 3)
+    drawn = np.random.default_rng(9).normal(size=(len(FUNCTIONS), 3)) * FALLING * [0.05, 0.05, 0.003] * SPACING
+    drawn[:2] = 0
+    offsets = shape_basis(all_labels(size), size) @ drawn
+    boards, _ = random_boards(BROWN, 9, 10, noise=0.1, whole=True, offsets=offsets, size=size)
+    done = calibrate(boards, SPACING, model="brown", size=size)
+    assert done.shape.print_error == pytest.approx(np.sqrt((offsets[:, :2] ** 2).sum(axis=1).mean()), rel=0.4)
+    assert abs(done.camera.K[0, 0] - BROWN.K[0, 0]) < 3 * done.std[0] < 0.1 * BROWN.K[0, 0]
+
+
 def test_a_fit_of_a_flat_board_converges(monkeypatch):
     """The spreads of a shape that is not there fall slowly: they are not found by fitting again for each step."""
     fits = []

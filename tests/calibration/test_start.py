@@ -66,6 +66,21 @@ def test_focal_length_and_poses_are_near(model, views):
     assert 0.6 < min(ratio) <= max(ratio) < 1.6
 
 
+@pytest.mark.parametrize("model", ["brown", "fisheye"])
+@pytest.mark.parametrize("size", [(27, 39), (39, 40), (40, 40), (60, 79)])
+def test_focal_length_is_near_whatever_the_number_of_corners(model, size):
+    """Among corners that are spaced evenly over a list of 39 or 40 rows, nearly all are of one line."""
+    camera, rng, seen = CAMERAS[model], np.random.default_rng(2), []
+    ij = np.stack(np.meshgrid(np.arange(size[0]), np.arange(size[1])), axis=-1).reshape(-1, 2)
+    on_board = ij * 8 * SPACING / max(size)
+    while len(seen) < 8:
+        T = random_pose(rng)
+        xy = project(camera, np.column_stack([on_board, np.zeros(len(ij))]) @ T[:3, :3].T + T[:3, 3])
+        if ((xy > 1) & (xy < np.array(camera.image_size) - 2)).all():
+            seen.append(Seen(on_board, xy + rng.normal(0, 0.1, xy.shape)))
+    assert first_camera(seen, camera.image_size).K[0, 0] == pytest.approx(camera.K[0, 0], rel=0.3)
+
+
 @pytest.mark.parametrize("model", CAMERAS)
 def test_poses_under_the_true_lens_are_exact(model):
     """Rays need no lens model of their own: exact corners give exact poses."""

@@ -142,7 +142,9 @@ def test_maps_and_standard_output(run):
         (["d.json", "d.vnl", "--image-size", "640x480"], 2, "--image-size has no effect: d.json tells the size"),
         (["d.json", "d.vnl", "--camera-name", "left"], 2, "--camera-name has no effect: d.json holds detections"),
         (["d.json", "d.vnl", "--lossy"], 2, "--lossy has no effect: d.json holds detections"),
+        (["d.json", "d.csv", "--board", "5x4"], 2, "--board has no effect: neither file is a .vnl"),
         (["a.json", "b.yaml", "--board", "5x4"], 2, "--board has no effect: a.json holds no detections"),
+        (["missing.vnl", "b.json", "--lossy"], 1, "no such file"),
         (["missing.yaml", "b.yaml", "--board", "5x4"], 1, "no such file"),
     ],
 )

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from rcdn.errors import FormatError, many
-from rcdn.terminal.console import STDOUT
 
 if TYPE_CHECKING:
     from rcdn.io import ImageResult
@@ -115,11 +114,10 @@ FORMATS: dict[str, DetectionFormat] = {format.name: format for format in (Json()
 """the formats by name"""
 
 
-def format_of(path: Path, name: str | None = None) -> DetectionFormat:
-    """The format of this `name`, or else that of the ending of `path`. Raises FormatError."""
+def format_of(path: Path, name: str | None = None, fix: str = "end the name with one") -> DetectionFormat:
+    """The format of this `name`, or else that of the ending of `path`. Raises FormatError, with the advice `fix`."""
     known = FORMATS.get(name or path.suffix.lower().removeprefix("."))
     if known is None:
         *most, last = FORMATS
-        fix = "name one with --to" if path == STDOUT else "end the name with one"
         raise FormatError(f"{path}: detections are written as {', '.join(most)} or {last}; {fix}")
     return known

@@ -92,6 +92,11 @@ def held_out_rms(state: State, task: Task, free: Array) -> float:
     return rms(held_out(state, task, free), task.weight)
 
 
+def enough(task: Task) -> bool:
+    """Whether there are enough pictures to compare a perfect board with one of a shape."""
+    return len(np.unique(task.picture)) >= ENOUGH
+
+
 def flat_predicts_better(flat: State, held: float, task: Task, free: Array) -> bool:
     """Whether a planar, evenly spaced board predicts held-out pictures far better than the estimated shape (`FLAT`),
     whose error there is `held`, px; False with fewer pictures than ENOUGH. `flat`: a state with such a board, `free`
@@ -101,7 +106,7 @@ def flat_predicts_better(flat: State, held: float, task: Task, free: Array) -> b
     to these views. The held-out error is no smaller than that on the pictures of the fit: a flat board whose error
     there is too large is not cross-validated.
     """
-    if len(np.unique(task.picture)) < ENOUGH:
+    if not enough(task):
         return False
     flat = solve(flat, task.corners, task.weight, free).state
     return (

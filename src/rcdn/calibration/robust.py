@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from rcdn.calibration.bundle import Corners3, State, default_free, middles, residuals
-from rcdn.calibration.shape import CONVERGED, Spread, likeliest, with_spread
+from rcdn.calibration.shape import Spread, likeliest, with_spread
 from rcdn.calibration.solver import BEHIND, ROUGHLY, Arrow, solve
 from rcdn.calibration.start import Seen
 from rcdn.calibration.start import poses as poses_of
@@ -31,7 +31,9 @@ HOPEFUL = 10.0
 ODD = 3.0
 """× the usual median distance of corners: a view above it is weighted less in the initial fit, and its pose is
 estimated anew"""
-ROUNDS = 20
+ROUNDS, SETTLED = 20, 0.02
+"""most iterations; relative change of the corners' weights and of the prior's spreads below which they end, if no
+corner becomes an outlier or an inlier"""
 LEAST_NOISE = 1e-4
 """px; least standard deviation of corners"""
 MEDIAN = 2 * np.log(2.0)
@@ -185,8 +187,8 @@ def fit(
             own = solution.arrow.covariance[-state.shape.size :, -state.shape.size :]
             spread = likeliest(state.shape, own, spread, spacing)
             state = with_spread(state, spread)
-        settled = np.allclose(_weights(noise, sigma), _weights(calm, sigma), rtol=CONVERGED, atol=0)
-        if settled and (used == before).all() and spread.near(former, CONVERGED):
+        settled = np.allclose(_weights(noise, sigma), _weights(calm, sigma), rtol=SETTLED, atol=0)
+        if settled and (used == before).all() and spread.near(former, SETTLED):
             break
     gaps = residuals(state, corners)
     square = float(((gaps[used] * weight[used, None]) ** 2).sum())

@@ -34,7 +34,7 @@ FALLING = np.array([float(i + j) ** -DECAY for i, j in FUNCTIONS])[:, None]
 """(B, 1) prior standard deviation of each function relative to that of the first degree"""
 HELD = 1e3
 """ratio of the prior's standard deviations to those of displacements that a motion or the size would explain"""
-CONVERGED, MOST_STEPS = 0.02, 100
+CONVERGED, MOST_STEPS = 0.005, 200
 """relative change of the spreads in a step of expectation–maximisation below which they have converged; most steps"""
 FEWEST_SHAPED = 5
 """least number of views in which it is known which corner is which, for the shape to be estimated; with fewer the board

@@ -31,8 +31,8 @@ RIDGE = 1e-10
 """× the largest diagonal element of a block: keeps the factorisation defined where nothing determines a parameter,
 whose variance is then huge"""
 ITERATIONS, ENOUGH, ROUGHLY = 60, 1e-9, 1e-6
-"""most steps; relative decrease of the cost below which the iteration ends; the same where a hundredth of a standard
-deviation does not matter, as in an initial fit"""
+"""most steps; relative decrease of the cost below which the iteration ends; the same where parameters need be right to
+some hundredths of a standard deviation only, as in an initial fit"""
 DAMPING, STRONGEST = 1e-6, 1e8
 """initial damping of Levenberg–Marquardt, and the damping at which it stops"""
 SHORTEST, LONGEST, UNCHANGED = 0.1, 4.0, 1.25

@@ -36,8 +36,7 @@ def first_camera(views: list[Seen], image_size: tuple[int, int]) -> Camera:
     """An approximate camera of the model `division`: focal length and distortion with the least median reprojection
     error of planar boards."""
     some = [views[k] for k in _evenly(len(views), MOST_BOARDS)]
-    corners = [_evenly(len(view.xy), MOST_CORNERS) for view in some]
-    batch = _Batch.of([Seen(v.board[mine], v.xy[mine]) for v, mine in zip(some, corners, strict=True)])
+    batch = _Batch.of([_thinned(view) for view in some])
     half = float(np.hypot(*image_size)) / 2
     tries = [division_camera(f * half, bend, half, image_size) for f in FOCAL for bend in BEND]
     return min(tries, key=batch.misfit)
@@ -46,6 +45,12 @@ def first_camera(views: list[Seen], image_size: tuple[int, int]) -> Camera:
 def _evenly(count: int, most: int) -> Array:
     """At most `most` of the numbers 0 to `count` − 1, evenly spaced."""
     return np.linspace(0, count - 1, min(count, most)).astype(int)
+
+
+def _thinned(view: Seen) -> Seen:
+    """At most MOST_CORNERS of its corners, in no order: evenly spaced ones can be those of one column."""
+    mine = np.random.default_rng(0).permutation(len(view.xy))[:MOST_CORNERS]
+    return Seen(view.board[mine], view.xy[mine])
 
 
 def division_camera(focal: float, bend: float, half: float, image_size: tuple[int, int]) -> Camera:

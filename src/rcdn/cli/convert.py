@@ -106,7 +106,8 @@ def convert(
     of_cameras = {"--camera-name": camera_name is not None, "--lossy": lossy}
     of_detections = {"--board": board is not None, "--image-size": image_size is not None}
     if _holds_detections(inputs[0]):
-        _refuse(of_cameras, f"{inputs[0]} holds detections")
+        if inputs[0].exists():
+            _refuse(of_cameras, f"{inputs[0]} holds detections")
         _convert_detections(inputs, out, to, board, image_size)
     elif (kind := to or out.suffix.lower().removeprefix(".")) in FORMATS and kind not in camera_formats():
         raise FormatError(f"{inputs[0]}: holds no detections, which {kind} is for; give a file of `rcdn detect`")
@@ -151,11 +152,14 @@ def _convert_detections(
 
     if len(inputs) > 1:
         raise ConfigError("detections are converted file by file; give one IN and OUT")
-    format, path = format_of(out, to), inputs[0]
+    path = inputs[0]
+    format = format_of(out, to, "name one with --to") if out == console.STDOUT else format_of(out, to)
     errors: list[tuple[str, str]] = []
     size = None if board is None else (board.cols, board.rows)
     if _is_json(path):
         _refuse({"--image-size": image_size is not None}, f"{path} tells the size of its pictures")
+        if format is not FORMATS["vnl"]:
+            _refuse({"--board": board is not None}, "neither file is a .vnl, whose boards are of one size")
         images, errors = read_detections(path)
     else:
         pixels = None if image_size is None else (image_size.cols, image_size.rows)

@@ -22,11 +22,16 @@ MOST_BYTES = 1 << 30
 _KINDS = {list: "a list", dict: "an object", str: "text", int: "a whole number", bool: "true or false"}
 
 
+def check_path(path: object) -> None:
+    """Raise FormatError if `path` isn't a path."""
+    if not isinstance(path, str | os.PathLike):
+        raise FormatError(f"path must be the name of a file, not {shown(path)}")
+
+
 def read_text(path: str | Path) -> str:
     """The text of `path`, UTF-8 with or without a byte order mark. Raises FormatError if it can't be read or isn't
     text, or `path` isn't a path."""
-    if not isinstance(path, str | os.PathLike):
-        raise FormatError(f"path must be the name of a file, not {shown(path)}")
+    check_path(path)
     try:
         with open(path, "rb") as file:
             data = file.read(MOST_BYTES + 1)

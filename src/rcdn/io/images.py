@@ -11,7 +11,7 @@ from typing import Any, BinaryIO
 import cv2
 import numpy as np
 
-from rcdn.errors import ImageError, OutputError
+from rcdn.errors import ImageError, OutputError, shown
 from rcdn.io.decode import decode
 from rcdn.io.files import is_special, is_video, write_bytes
 from rcdn.io.headers import known
@@ -29,8 +29,11 @@ _HEAD = 32  # bytes that determine the format
 _BAGS = (".bag", ".db3", ".mcap")
 _GREY_MODES = ("1", "L", "I", "F", "I;16", "I;16L", "I;16B", "I;16N")  # of PIL
 _PIECE = 1 << 24  # bytes read at once
+_DECODE = "decode it first: cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)"
 _TO_ARRAY = {
-    "bytes": "decode it first: cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)",
+    "bytes": _DECODE,
+    "bytearray": _DECODE,
+    "memoryview": _DECODE,
     "UMat": "copy it from the device first: umat.get()",
     "list": "give one picture a call, or np.asarray of rows of pixels",
     "tuple": "give one picture a call; cv2.VideoCapture.read returns (whether there is one, the picture)",
@@ -214,6 +217,8 @@ def _rest(file: BinaryIO, head: bytes, name: str) -> bytes:
 
 
 def _open_check(path: str | Path) -> None:
+    if not isinstance(path, str | os.PathLike):
+        raise ImageError(f"path must be the name of a file, not {shown(path)}")
     try:
         there, folder = Path(path).exists(), Path(path).is_dir()
     except (OSError, ValueError) as error:  # a folder without access, a name with a null byte

@@ -15,7 +15,7 @@ from rcdn.errors import FormatError, shown
 from rcdn.io import rig_colmap, rig_folder, rig_toml
 from rcdn.io.cameras import FORMATS, CameraFormat, camera_format, kalibr, lens_fit, noted, ours, parsed, read_stereo
 from rcdn.io.cameras.base import LensFit, UnheldLensError
-from rcdn.io.fields import located, nullable, numbers, read_json, read_text, rigid, take
+from rcdn.io.fields import check_path, located, nullable, numbers, read_json, read_text, rigid, take
 from rcdn.io.files import check_writable, write_text
 from rcdn.types import Array, Camera, CameraModel, Pose, Rig
 
@@ -124,6 +124,8 @@ def read_rig(path: str | Path, *others: str | Path) -> Rig:
     the file, so the rig's frame need not be that of a camera. Files of two cameras (`rcdn calibrate --stereo`, OpenCV)
     are rigs of `left` and `right`. Raises FormatError, naming the file, the field and the fix.
     """
+    for each in (path, *others):
+        check_path(each)
     paths = [Path(path), *map(Path, others)] if others else rig_folder.siblings(Path(path)) or [Path(path)]
     where = str(paths[0])
     with located(where):
