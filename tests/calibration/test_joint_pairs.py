@@ -37,10 +37,11 @@ def alone(seen):
     """Each camera from its own boards alone, once it is asked for: by name the same whatever the moments."""
     boards, _ = seen
     geometries = rig_module.Geometries.of([b for each in boards.values() for b in each], SPACING, None)
+    calibrated = rig_module._alone  # in whose place `rig` puts this
 
     class Alone(dict):
         def __missing__(self, name):
-            self[name] = rig_module._alone(name, boards[name], geometries, None, "brown")
+            self[name] = calibrated(name, boards[name], geometries, None, "brown")
             return self[name]
 
     return Alone()
