@@ -22,10 +22,10 @@ MOST_BYTES = 1 << 30
 _KINDS = {list: "a list", dict: "an object", str: "text", int: "a whole number", bool: "true or false"}
 
 
-def check_path(path: object) -> None:
-    """Raise FormatError if `path` isn't a path."""
+def check_path(path: object, error: type[RcdnError] = FormatError) -> None:
+    """Raise `error` if `path` isn't a path."""
     if not isinstance(path, str | os.PathLike):
-        raise FormatError(f"path must be the name of a file, not {shown(path)}")
+        raise error(f"path must be the name of a file, not {shown(path)}")
 
 
 def read_text(path: str | Path) -> str:

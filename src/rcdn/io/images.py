@@ -11,8 +11,9 @@ from typing import Any, BinaryIO
 import cv2
 import numpy as np
 
-from rcdn.errors import ImageError, OutputError, shown
+from rcdn.errors import ImageError, OutputError
 from rcdn.io.decode import decode
+from rcdn.io.fields import check_path
 from rcdn.io.files import is_special, is_video, write_bytes
 from rcdn.io.headers import known
 from rcdn.io.marks import Mark, marked
@@ -217,8 +218,7 @@ def _rest(file: BinaryIO, head: bytes, name: str) -> bytes:
 
 
 def _open_check(path: str | Path) -> None:
-    if not isinstance(path, str | os.PathLike):
-        raise ImageError(f"path must be the name of a file, not {shown(path)}")
+    check_path(path, ImageError)
     try:
         there, folder = Path(path).exists(), Path(path).is_dir()
     except (OSError, ValueError) as error:  # a folder without access, a name with a null byte
