@@ -8,7 +8,7 @@ import numpy as np
 
 from rcdn.calibration.bundle import Corners3, State, default_free, residuals
 from rcdn.calibration.sight import reach
-from rcdn.calibration.solver import ROUGHLY, solve
+from rcdn.calibration.solver import ROUGH_TOLERANCE, solve
 from rcdn.types import Array
 from rcdn.types.arrays import Real
 
@@ -79,11 +79,11 @@ def held_out(state: State, task: Task, free: Array) -> Real[Array, "n 2"]:
         return held
     for k in range(FOLDS):
         out = np.isin(task.picture, pictures[k::FOLDS])
-        part = solve(state, task.corners, np.where(out, 0.0, task.weight), free, enough=ROUGHLY).state
+        part = solve(state, task.corners, np.where(out, 0.0, task.weight), free, tolerance=ROUGH_TOLERANCE).state
         mine = np.flatnonzero(out & (task.weight > 0))
         some, firm = task.corners.take(mine), task.weight[mine]
         nothing = default_free(part, lens=False)
-        held[mine] = residuals(solve(part, some, firm, nothing, iterations=20, enough=ROUGHLY).state, some)
+        held[mine] = residuals(solve(part, some, firm, nothing, iterations=20, tolerance=ROUGH_TOLERANCE).state, some)
     return held
 
 
@@ -92,9 +92,10 @@ def held_out_rms(state: State, task: Task, free: Array) -> float:
     return rms(held_out(state, task, free), task.weight)
 
 
-def enough(task: Task) -> bool:
-    """Whether there are enough pictures to compare a perfect board with one of a shape."""
-    return len(np.unique(task.picture)) >= ENOUGH
+def enough_pictures(picture: Array) -> bool:
+    """Whether there are enough pictures, by the `picture` number (N,) of each corner, to decide by the held-out error
+    whether the board's shape is real."""
+    return len(np.unique(picture)) >= ENOUGH
 
 
 def flat_predicts_better(flat: State, held: float, task: Task, free: Array) -> bool:
@@ -106,7 +107,7 @@ def flat_predicts_better(flat: State, held: float, task: Task, free: Array) -> b
     to these views. The held-out error is no smaller than that on the pictures of the fit: a flat board whose error
     there is too large is not cross-validated.
     """
-    if not enough(task):
+    if not enough_pictures(task.picture):
         return False
     flat = solve(flat, task.corners, task.weight, free).state
     return (

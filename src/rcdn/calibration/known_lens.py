@@ -61,7 +61,7 @@ def with_known_lens(
     start, noise = robust.initial_fit(start, task.corners, task.sigma, default_free(start, lens=False))
     flat = _fitted(task, start, noise, whole.spacing)
     fit = flat
-    if task.settled >= FEWEST_SHAPED and len(np.unique(task.picture)) >= choose.ENOUGH:
+    if task.settled >= FEWEST_SHAPED and choose.enough_pictures(task.picture):
         shaped = replace(flat.state, shape=np.zeros((len(FUNCTIONS), 3)), prior=None)
         curved = _fitted(task, shaped, flat.noise, whole.spacing)
         common = choose.Task(task.corners, curved.weight, task.picture)

@@ -75,7 +75,7 @@ def _flat_predicts_better(joint: Joint, fit: robust.Fit) -> bool:
     every = np.unique(moment)
     some = np.isin(moment, every[np.linspace(0, len(every) - 1, min(len(every), COMPARED)).astype(int)])
     task = choose.Task(joint.corners.take(some), fit.weight[some], moment[some])
-    if not choose.enough(task):
+    if not choose.enough_pictures(task.picture):
         return False
     flat = replace(fit.state, shape=np.zeros((0, 3)), prior=None)
     held = choose.held_out_rms(fit.state, task, free_of(fit.state, joint))

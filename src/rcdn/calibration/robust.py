@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 
 from rcdn.calibration.bundle import Corners3, State, default_free, middles, residuals
 from rcdn.calibration.shape import Spread, likeliest, with_spread
-from rcdn.calibration.solver import BEHIND, ROUGHLY, Arrow, solve
+from rcdn.calibration.solver import BEHIND, ROUGH_TOLERANCE, Arrow, solve
 from rcdn.calibration.start import Seen
 from rcdn.calibration.start import poses as poses_of
 from rcdn.calibration.uncertainty import JACKKNIFE, Clustered, clustered
@@ -67,7 +67,7 @@ def initial_fit(start: State, corners: Corners3, sigma: Array, free: Array, turn
     state, noise = start, _median_noise(residuals(start, corners), np.zeros(len(sigma)))
     for _ in range(2):
         calm = _calm(residuals(state, corners), corners.frame, len(start.poses))
-        state = solve(state, corners, _weights(noise, sigma) * calm, free, "soft_l1", enough=ROUGHLY).state
+        state = solve(state, corners, _weights(noise, sigma) * calm, free, "soft_l1", tolerance=ROUGH_TOLERANCE).state
         noise = _median_noise(residuals(state, corners), sigma)
         if turn:
             state = _better_poses(state, corners, _weights(noise, sigma))
@@ -108,7 +108,7 @@ def _where_better(state: State, other: State, tried: Array, corners: Corners3, w
         return state
     some, firm = corners.take(mine), weight[mine]
     nothing = default_free(state, lens=False)
-    other = solve(other, some, firm, nothing, "soft_l1", iterations=12, enough=ROUGHLY).state
+    other = solve(other, some, firm, nothing, "soft_l1", iterations=12, tolerance=ROUGH_TOLERANCE).state
     costs = []
     for each in (state, other):
         square = np.nan_to_num((residuals(each, some) * firm[:, None]) ** 2, nan=BEHIND**2)
@@ -175,7 +175,7 @@ def fit(
     state = with_spread(start, spread) if shaped else start
     used, reasons = np.zeros(len(corners), bool), [""] * len(start.poses)
     for _ in range(ROUNDS):
-        before, former, calm = used, spread, noise
+        used_before, spread_before, noise_before = used, spread, noise
         used, reasons = _agreeing(residuals(state, corners), corners.frame, noise, sigma, len(start.poses))
         weight = np.where(used, _weights(noise, sigma), 0.0)
         solution = solve(state, corners, weight, free)
@@ -187,8 +187,8 @@ def fit(
             own = solution.arrow.covariance[-state.shape.size :, -state.shape.size :]
             spread = likeliest(state.shape, own, spread, spacing)
             state = with_spread(state, spread)
-        settled = np.allclose(_weights(noise, sigma), _weights(calm, sigma), rtol=SETTLED, atol=0)
-        if settled and (used == before).all() and spread.near(former, SETTLED):
+        settled = np.allclose(_weights(noise, sigma), _weights(noise_before, sigma), rtol=SETTLED, atol=0)
+        if settled and (used == used_before).all() and spread.near(spread_before, SETTLED):
             break
     gaps = residuals(state, corners)
     square = float(((gaps[used] * weight[used, None]) ** 2).sum())

@@ -30,7 +30,7 @@ from rcdn.types.arrays import Real
 RIDGE = 1e-10
 """× the largest diagonal element of a block: keeps the factorisation defined where nothing determines a parameter,
 whose variance is then huge"""
-ITERATIONS, ENOUGH, ROUGHLY = 60, 1e-9, 1e-6
+ITERATIONS, TOLERANCE, ROUGH_TOLERANCE = 60, 1e-9, 1e-6
 """most steps; relative decrease of the cost below which the iteration ends; the same where parameters need be right to
 some hundredths of a standard deviation only, as in an initial fit"""
 DAMPING, STRONGEST = 1e-6, 1e8
@@ -306,14 +306,14 @@ def solve(
     free: Array | None = None,
     loss: str = "linear",
     iterations: int = ITERATIONS,
-    enough: float = ENOUGH,
+    tolerance: float = TOLERANCE,
 ) -> Solution:
     """The `State` that minimises the sum of squares of `weight` (N,) × (observed − projected) (N, 2) plus the cost of
     its prior, from `start`.
 
     `free` (K,) bool: the shared parameters that may change (default: those of the lenses). `loss`: linear or soft_l1
-    (for each axis, with scale 2). `enough`: relative decrease of the cost below which the iteration ends. A frame
-    without corners keeps its pose.
+    (for each axis, with scale 2). `tolerance`: relative decrease of the cost below which the iteration ends. A
+    frame without corners keeps its pose.
     """
     free = default_free(start) if free is None else free
     state = replace(start, prior=start.beforehand)  # computed once
@@ -323,7 +323,7 @@ def solve(
         other, less, damping = _step(state, here, cost, damping, corners, weight, free, loss)
         gain = (cost - less) / max(cost, 1e-300)
         state, cost = other, less
-        if gain < enough:
+        if gain < tolerance:
             break
     return Solution(replace(state, prior=start.prior), corners, weight, free)
 

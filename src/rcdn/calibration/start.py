@@ -35,16 +35,11 @@ class Seen:
 def first_camera(views: list[Seen], image_size: tuple[int, int]) -> Camera:
     """An approximate camera of the model `division`: focal length and distortion with the least median reprojection
     error of planar boards."""
-    some = [views[k] for k in _evenly(len(views), MOST_BOARDS)]
+    some = [views[k] for k in np.linspace(0, len(views) - 1, min(len(views), MOST_BOARDS)).astype(int)]
     batch = _Batch.of([_thinned(view) for view in some])
     half = float(np.hypot(*image_size)) / 2
     tries = [division_camera(f * half, bend, half, image_size) for f in FOCAL for bend in BEND]
     return min(tries, key=batch.misfit)
-
-
-def _evenly(count: int, most: int) -> Array:
-    """At most `most` of the numbers 0 to `count` − 1, evenly spaced."""
-    return np.linspace(0, count - 1, min(count, most)).astype(int)
 
 
 def _thinned(view: Seen) -> Seen:
