@@ -3,7 +3,7 @@
 #ifndef RCDN_LEVELS_H
 #define RCDN_LEVELS_H
 
-enum { BASELINE, AVX2_LEVEL, AVX512_LEVEL, VNNI_LEVEL };
+enum { BASELINE };
 
 /* The level for kernels: that of this processor, limited to what RCDN_LEVEL names. BASELINE before `find_level`. */
 int level_taken(void);
@@ -12,16 +12,40 @@ int level_taken(void);
  * once, before any kernel. */
 const char *find_level(void);
 
+/* The names of all levels of this kind of processor. */
+extern const char level_names[];
+
 /* x86-64, compiled by gcc or clang; on Windows only by clang, since gcc does not align the stack there as AVX requires.
  * ONE_LEVEL: for tests. */
-#if defined(__x86_64__) && (defined(__GNUC__) || defined(__clang__)) && !defined(ONE_LEVEL) && \
-    (defined(__clang__) || !defined(_WIN32))
+#if defined(__x86_64__) && !defined(ONE_LEVEL) && (defined(__clang__) || !defined(_WIN32))
 #define X86_LEVELS 1
+enum { AVX2_LEVEL = BASELINE + 1, AVX_VNNI_LEVEL, AVX512_LEVEL, VNNI_LEVEL };
 #define V3 "avx2,bmi,bmi2,f16c,fma,lzcnt,movbe"
 #define V4 V3 ",avx512f,avx512bw,avx512cd,avx512dq,avx512vl"
 #define FOR_AVX2 __attribute__((target(V3)))
 #define FOR_AVX512 __attribute__((target(V4)))
 #define FOR_VNNI __attribute__((target(V4 ",avx512vnni")))
+#if __clang_major__ >= 13 || (!defined(__clang__) && __GNUC__ >= 11)
+#define FOR_AVX_VNNI __attribute__((target(V3 ",avxvnni")))
+#endif
+#endif
+
+/* 64-bit ARM, whose baseline has vectors. */
+#if defined(__aarch64__) && defined(__ARM_NEON) && !defined(__AARCH64EB__) && !defined(ONE_LEVEL)
+#define ARM_LEVELS 1
+enum { DOTPROD_LEVEL = BASELINE + 1 };
+#ifdef __clang__
+#define FOR_DOTPROD __attribute__((target("dotprod")))
+#else
+#define FOR_DOTPROD __attribute__((target("arch=armv8.2-a+dotprod")))
+#endif
+#endif
+
+/* Floats of a vector at most levels: gcc takes one apart, number by number, that is longer than the processor's. */
+#ifdef ARM_LEVELS
+enum { VECTOR = 4 };
+#else
+enum { VECTOR = 8 };
 #endif
 
 #endif

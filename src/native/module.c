@@ -328,13 +328,14 @@ PyMODINIT_FUNC PyInit__native(void) {
     array_struct = PyUnicode_InternFromString("__array_struct__");
     const char *level = find_level();
     if (!level)
-        PyErr_SetString(PyExc_ValueError, "RCDN_LEVEL must be baseline, avx2, avx512 or vnni");
+        PyErr_Format(PyExc_ValueError, "RCDN_LEVEL must be one of %s", level_names);
     int failed = !level || !out || !functions || !arguments || !constants || !array_struct;
     for (const Kernel *k = kernels; k && !failed; k = k->next)
         failed = put(functions, k->name, function_of(k)) || put(arguments, k->name, specs_of(k->specs, k->count));
     for (const Constants *c = all_constants; c && !failed; c = c->next)
         failed = put(constants, c->unit, integers_of(c));
     failed = failed || PyModule_AddStringConstant(out, "level", level) < 0 ||
+             PyModule_AddStringConstant(out, "levels", level_names) < 0 ||
              PyModule_AddObjectRef(out, "kernels", functions) < 0 ||
              PyModule_AddObjectRef(out, "arguments", arguments) < 0 ||
              PyModule_AddObjectRef(out, "constants", constants) < 0;

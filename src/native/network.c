@@ -16,9 +16,9 @@
 #define RING 4    /* rows of a layer that are kept */
 #define SEEN 8    /* rows of the normalised image that are kept */
 
-/* Vectors of AVX-512 and of all else: gcc multiplies one that is longer than the processor's by a number one by one. */
-typedef float sixteen __attribute__((vector_size(64)));
-typedef float eight __attribute__((vector_size(32)));
+typedef float vector __attribute__((vector_size(4 * VECTOR)));
+typedef float sixteen __attribute__((vector_size(64))); /* with AVX-512 */
+enum { PARTS = NARROW / VECTOR };
 
 /* Weights as packed by `corners/cells.py`: those in floating point, and those of 8 bits. `scale` and `bias` turn sums
  * into the inputs of the next layer, and those of the last layer into the argument of the sigmoid. */
@@ -56,8 +56,9 @@ typedef struct {
     Contrast contrast;
     const Reals *reals;
     const Bytes *bytes;
-    const int16_t *pairs; /* the weights of `bytes` in the same order, see `paired` */
-    RowKernel *strided, *conv;
+    RowKernels kernels;
+    const int16_t *pairs;   /* the weights of `bytes` in the same order, see `paired` */
+    const int32_t *centres; /* (CONVS + 1, WIDE), see `centred` */
     Seen seen;
     Layer layer[CONVS + 2]; /* at half resolution; strided; the convolutions */
     int wide;               /* whether the processor has vectors of 16 numbers */
@@ -148,7 +149,7 @@ INLINE void see(Network *n, index_t y) {
         for (int k = 0; k < FIRST; k++)                                              \
             store_levels(out + k * NARROW, sums[k]);                                 \
     }
-FIRST_BLOCK(first_block, eight)
+FIRST_BLOCK(first_block, vector)
 FIRST_BLOCK(wide_first_block, sixteen)
 
 INLINE void first_row(Network *n, index_t y) {
@@ -171,11 +172,11 @@ static void wide_row(Network *n, int k, int stride, index_t y) {
     const Layer *from = &n->layer[k];
     Layer *to = &n->layer[k + 1];
     const Convolution c = {k ? n->bytes->conv[k - 1] : n->bytes->strided,
-                           n->pairs + (k ? 9 * WIDE * (NARROW + (k - 1) * WIDE) : 0), n->reals->conv[k].scale,
-                           n->reals->conv[k].bias};
+                           n->pairs + (k ? 9 * WIDE * (NARROW + (k - 1) * WIDE) : 0), n->centres + k * WIDE,
+                           n->reals->conv[k].scale, n->reals->conv[k].bias};
     const uint8_t *const rows[3] = {row_of(from, stride * y), row_of(from, stride * y + 1),
                                     row_of(from, stride * y + 2)};
-    (k ? n->conv : n->strided)(rows, &c, to->mask + y * to->width, to->width, row_of(to, y));
+    (k ? n->kernels.conv : n->kernels.strided)(rows, &c, to->mask + y * to->width, to->width, row_of(to, y));
 }
 
 /* Write the outputs of one row of cells into the response (height, width) of the image. */
@@ -186,15 +187,15 @@ INLINE void last_row(const Network *n, const uint8_t *mask, index_t width, index
         if (!mask[x])
             continue;
         float out[NARROW];
-        eight sum[2][2] = {{{0}}}; /* of integers under 2^24: exact in any order */
+        vector sum[2][PARTS] = {{{0}}}; /* of integers under 2^24: exact in any order */
         for (int k = 0; k < WIDE; k++)
-            for (int half = 0; half < 2; half++) {
-                eight weight;
-                memcpy(&weight, n->reals->last[k] + 8 * half, sizeof weight);
-                sum[k & 1][half] += weight * (float)row[x * WIDE + k];
+            for (int part = 0; part < PARTS; part++) {
+                vector weight;
+                memcpy(&weight, n->reals->last[k] + VECTOR * part, sizeof weight);
+                sum[k & 1][part] += weight * (float)row[x * WIDE + k];
             }
-        for (int half = 0; half < 2; half++)
-            sum[0][half] += sum[1][half];
+        for (int part = 0; part < PARTS; part++)
+            sum[0][part] += sum[1][part];
         memcpy(out, sum[0], sizeof out);
         for (int k = 0; k < NARROW; k++)
             out[k] = out[k] * scale[k] + bias[k];
@@ -256,6 +257,13 @@ INLINE void paired(const int8_t *weight, index_t count, int16_t *out) {
                     out[i] = weight[k + GROUP * o + pair + i];
 }
 
+/* 128 × the sum of each output's weights (group of inputs, output, input), of which there are `count`. */
+INLINE void centred(const int8_t *weight, index_t count, int32_t out[WIDE]) {
+    memset(out, 0, WIDE * sizeof *out);
+    for (index_t k = 0; k < count; k++)
+        out[k / GROUP % WIDE] += 128 * weight[k];
+}
+
 /* Number of bytes for all ring buffers, sums and masks of so many rows of cells. */
 static size_t room_for(index_t across, index_t rows) {
     const index_t last = across + 2 * CONVS, first = 2 * last + 1, seen = 2 * first + 3;
@@ -263,7 +271,8 @@ static size_t room_for(index_t across, index_t rows) {
                   floats = SEEN * (seen + SLACK) + 8 * SLACK;
     const index_t doubles = 6 * (seen + 2 * HALF),
                   masks = (CONVS + 1) * last * (rows + 2 * CONVS) + first * (2 * (rows + 2 * CONVS) + 1) + first;
-    return (size_t)(8 * doubles + 4 * floats + bytes + masks) + sizeof(int16_t) * sizeof(Bytes) + 64 * 32;
+    return (size_t)(8 * doubles + 4 * floats + bytes + masks) + sizeof(int16_t) * sizeof(Bytes) +
+           sizeof(int32_t) * (CONVS + 1) * WIDE + 64 * 32;
 }
 
 INLINE void *taken(char **room, index_t bytes) {
@@ -276,7 +285,7 @@ INLINE void *taken(char **room, index_t bytes) {
  * width) is unchanged elsewhere. */
 FAST_KERNEL(rcdn_network, (PICTURE, p), (LET, down, (p.height + CELL - 1) / CELL),
             (LET, across, (p.width + CELL - 1) / CELL), (IN, float, reals, REALS), (IN, int8_t, bytes, sizeof(Bytes)),
-            (INT, level, 0, BEST), (IN, uint8_t, cells, down, across), (INT, first, 0, down - 1),
+            (INT, instructions, 0, BEST), (IN, uint8_t, cells, down, across), (INT, first, 0, down - 1),
             (INT, rows, 1, down - first), (OUT, float, response, p.height, p.width)) {
     char *memory = malloc(room_for(across, rows)), *room = memory;
     if (!memory)
@@ -284,11 +293,18 @@ FAST_KERNEL(rcdn_network, (PICTURE, p), (LET, down, (p.height + CELL - 1) / CELL
     room += 64 - (uintptr_t)room % 64;
     Network n = {
         .contrast = {.picture = p, .top = CELL * first}, .reals = (const Reals *)reals, .bytes = (const Bytes *)bytes};
+#ifdef X86_LEVELS
     n.wide = level_taken() >= AVX512_LEVEL;
+#endif
+    n.kernels = row_kernels((int)instructions);
     int16_t *pairs = taken(&room, sizeof(int16_t) * sizeof(Bytes));
+    int32_t *centres = taken(&room, sizeof(int32_t) * (CONVS + 1) * WIDE);
     n.pairs = pairs;
-    if (row_kernels((int)level, &n.strided, &n.conv) == PAIRS)
+    n.centres = centres;
+    if (n.kernels.form == PAIRED)
         paired(bytes, sizeof(Bytes), pairs);
+    for (int k = 0; k <= CONVS && n.kernels.form == CENTRED; k++)
+        centred(k ? n.bytes->conv[k - 1] : n.bytes->strided, 9 * WIDE * (k ? WIDE : NARROW), centres + k * WIDE);
     index_t h = rows, w = across;
     cells += first * across;
     const uint8_t *mask = cells;

@@ -1,4 +1,4 @@
-"""`python -m tests.replay.record PICTURES.npz CALLS`: every kernel's calls in detections,
+"""`python -m tests.replay.record PICTURES.npz CALLS [KERNEL …]`: every kernel's calls in detections, or those of some,
 with what they gave, for `replay.c`."""
 
 from __future__ import annotations
@@ -48,14 +48,16 @@ def recorded(name: str, kernel: Any, specs: Any, file: BinaryIO, made: Counter[s
     return call
 
 
-def record(pictures: Path, into: Path) -> Counter[str]:
-    """Detect boards in the pictures; how many calls of each kernel were written down. For a process of its own:
-    kernels stay replaced."""
+def record(pictures: Path, into: Path, *only: str) -> Counter[str]:
+    """Detect boards in the pictures; how many calls of each kernel (of those named, if any is) were written down. For a
+    process of its own: kernels stay replaced."""
     import rcdn._native as native
 
     made: Counter[str] = Counter()
     with into.open("wb") as file:
-        native.kernels.update({k: recorded(k, f, native.arguments[k], file, made) for k, f in native.kernels.items()})
+        for name, kernel in native.kernels.items():
+            if not only or name in only:
+                native.kernels[name] = recorded(name, kernel, native.arguments[name], file, made)
         import numpy as np
 
         from rcdn import Detector, DetectorConfig
@@ -66,4 +68,4 @@ def record(pictures: Path, into: Path) -> Counter[str]:
 
 
 if __name__ == "__main__":
-    print(dict(record(Path(sys.argv[1]), Path(sys.argv[2]))))
+    print(dict(record(Path(sys.argv[1]), Path(sys.argv[2]), *sys.argv[3:])))

@@ -32,7 +32,7 @@ LARGEST_WEIGHT, LEAST_WEIGHT = 1e6, 1e-30
 GROUP = constants("network")["GROUP"]
 """input channels that the kernel multiplies together"""
 BEST = constants("network")["BEST"]
-"""highest instruction set that the kernel uses, if the processor has it: 2 VNNI, 1 AVX2, 0 any"""
+"""instructions that the kernel uses, if the processor has them: 2 dot products of bytes, 1 vectors, 0 plain C's"""
 
 _network = bind("rcdn_network")
 
@@ -85,12 +85,12 @@ class CellNetwork:
         flat = np.concatenate([r.ravel() for r in reals]).astype(np.float32)
         return CellNetwork(flat, np.concatenate(whole), pool or Threads())
 
-    def __call__(self, grey: Array, cells: Array, threads: int = 0, level: int = BEST) -> Array:
+    def __call__(self, grey: Array, cells: Array, threads: int = 0, instructions: int = BEST) -> Array:
         """Response (H, W) float32 of `grey` (H, W), uint8 or float32 in 0..255: of `cells` (⌈H/4⌉, ⌈W/4⌉) bool, 0
         elsewhere.
 
         The picture is extended by reflection. `threads`: 0 = all cores. The response of a cell depends neither on the
-        number of threads nor on the other cells. `level`: as `BEST`.
+        number of threads nor on the other cells. `instructions`: as `BEST`.
         """
         height = len(cells)
         out = np.zeros(grey.shape, np.float32)
@@ -101,7 +101,7 @@ class CellNetwork:
         edges = np.linspace(0, height, count + 1).astype(int).tolist()
 
         def run(band: tuple[int, int]) -> None:
-            _network(grey, self.reals, self.whole, level, mask, band[0], band[1] - band[0], out)
+            _network(grey, self.reals, self.whole, instructions, mask, band[0], band[1] - band[0], out)
 
         self.pool(run, pairwise(edges), count)
         return out
