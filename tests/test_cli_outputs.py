@@ -111,3 +111,20 @@ def test_compare_writes_its_report_without_its_json(run, monkeypatch):
         "error: d.json: can't be written: No space left on device; make room",
         "written: d.html",
     ]
+
+
+@pytest.mark.parametrize(
+    "command",
+    [("render", "-"), ("undistort", "camera.yaml", "a.png", "--out", "-"), ("detect", "a.png", "--overlay", "-")],
+    ids=lambda command: command[0],
+)
+def test_standard_output_is_no_folder(run, command):
+    result = run(*command)
+    assert result.exit_code == 2
+    assert "several files are written, which needs a folder" in result.stderr
+    assert not Path("-").exists()
+
+
+def test_a_folder_may_be_called_a_dash(run):
+    assert run("render", "./-", "--count", "1").exit_code == 0
+    assert (Path("-") / "truth.json").is_file()

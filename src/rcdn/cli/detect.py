@@ -26,7 +26,7 @@ from rcdn.errors import ConfigError, FormatError, RcdnError, many
 from rcdn.terminal import console
 from rcdn.terminal.console import Quiet
 from rcdn.terminal.group import FAILED, INTERRUPTED, WRONG_USE, print_error, print_stopped
-from rcdn.terminal.options import GridSize, Jobs, MaxMegapixels, Pattern, PatternName, parse_size
+from rcdn.terminal.options import GridSize, Jobs, MaxMegapixels, Pattern, PatternName, parse_folder, parse_size
 from rcdn.terminal.progress import progress
 from rcdn.terminal.target import DEFAULT, Target
 
@@ -95,7 +95,10 @@ def detect(
         ),
     ] = None,
     overlay: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Draw what was found over each picture, into this folder.")
+        Path | None,
+        typer.Option(
+            parser=parse_folder, metavar="DIR", help="Draw what was found over each picture, into this folder."
+        ),
     ] = None,
     board: Annotated[
         GridSize | None,

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import typer
 
 from rcdn.errors import ConfigError, RcdnError, many
+from rcdn.terminal.options import parse_folder
 
 if TYPE_CHECKING:
     from rcdn.synthetic import BoardTruth, Scene
@@ -44,7 +45,10 @@ def parse_frame(text: str) -> FrameSize:
 
 
 def render(
-    output: Annotated[Path, typer.Argument(metavar="OUT_DIR", help="The folder to write to; it is made if need be.")],
+    output: Annotated[
+        Path,
+        typer.Argument(parser=parse_folder, metavar="OUT_DIR", help="The folder to write to; it is made if need be."),
+    ],
     count: Annotated[int, typer.Option(min=1, max=999_999, metavar="N", help="How many pictures.")] = 10,
     seed: Annotated[int, typer.Option(min=0, metavar="N", help="The same seed gives the same pictures.")] = 1,
     ranges: Annotated[

@@ -18,7 +18,7 @@ from rcdn.errors import ConfigError, OutputError, RcdnError, many
 from rcdn.terminal import console
 from rcdn.terminal.console import Quiet
 from rcdn.terminal.group import FAILED, INTERRUPTED, WRONG_USE, print_error, print_stopped
-from rcdn.terminal.options import MaxMegapixels
+from rcdn.terminal.options import MaxMegapixels, parse_folder
 from rcdn.terminal.progress import Bar, progress
 
 if TYPE_CHECKING:
@@ -56,7 +56,13 @@ def undistort(
     ],
     out: Annotated[
         Path,
-        typer.Option("--out", "-o", metavar="DIR", help="The folder for the pictures, and for their camera's file."),
+        typer.Option(
+            "--out",
+            "-o",
+            parser=parse_folder,
+            metavar="DIR",
+            help="The folder for the pictures, and for their camera's file.",
+        ),
     ],
     balance: Annotated[
         float,

@@ -20,7 +20,7 @@ UNREAD_ENDINGS = frozenset([".arw", ".cr2", ".cr3", ".dng", ".gif", ".nef", ".or
 VIDEO_ENDINGS = frozenset({".mp4", ".avi", ".mov", ".mkv", ".webm"})
 
 STDOUT = Path("-")
-"""standard output in place of an output file (a file of that name can be given as ./- or by its absolute path)"""
+"""standard output in place of an output file (a file of that name can be given by its absolute path)"""
 
 Errors = list[tuple[str, str]]
 

@@ -45,6 +45,13 @@ def parse_size(text: str, least: int = 3) -> GridSize:
     return GridSize(cols, rows)
 
 
+def parse_folder(text: str) -> Path:
+    """The path of a folder to write to. Raises typer.BadParameter for `-`, standard output."""
+    if text == "-":
+        raise typer.BadParameter("several files are written, which needs a folder; name one (./- for one called -)")
+    return Path(text)
+
+
 def camera_formats() -> list[str]:
     """The formats of camera files."""
     from rcdn.io.cameras import names_of
