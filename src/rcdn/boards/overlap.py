@@ -11,7 +11,7 @@ import numpy as np
 from rcdn.boards.local import Grid, parts, windows
 from rcdn.boards.validate import is_full
 from rcdn.geometry.division import division_of
-from rcdn.geometry.homography import apply_homography, homography
+from rcdn.geometry.homography import homography
 from rcdn.geometry.rules import CHECKER
 from rcdn.types import Array
 from rcdn.types.arrays import Bool, Int, Real
@@ -75,18 +75,15 @@ def _plane(labels: Int[Array, "m 2"], xy: Real[Array, "m 2"]) -> Bool[Array, " m
     """(M,) bool: the connected corners of the plane that has the most; none if there is no block of 3 × 3 corners."""
     blocks = windows(labels, labels, 1)
     blocks = blocks[(blocks >= 0).all(axis=1)]
-    best = np.zeros(len(labels), bool)
-    for block in blocks[:: max(1, -(-len(blocks) // SEEDS))]:
-        some = np.zeros(len(labels), bool)
-        some[block] = True
-        for _ in range(ROUNDS):
-            some = _distances(labels, xy, some) <= NEAR
-            if some.sum() < FEWEST:
-                break
-        else:
-            best = some if some.sum() > best.sum() else best
-    if not best.any():
-        return best
+    blocks = blocks[:: max(1, -(-len(blocks) // SEEDS))]
+    planes = np.zeros((len(blocks), len(labels)), bool)
+    np.put_along_axis(planes, blocks, True, axis=1)
+    for _ in range(ROUNDS):
+        planes = _distances(labels, xy, planes) <= NEAR
+        planes = planes[planes.sum(axis=1) >= FEWEST]
+    if not len(planes):
+        return np.zeros(len(labels), bool)
+    best = planes[planes.sum(axis=1).argmax()]
     largest = parts(map(tuple, labels[best].tolist()), CHECKER.steps)[0]
     return best & np.array([tuple(label) in largest for label in labels.tolist()])
 
@@ -95,22 +92,27 @@ def _nearer(
     labels: Int[Array, "m 2"], xy: Real[Array, "m 2"], first: Bool[Array, " m"], second: Bool[Array, " m"]
 ) -> tuple[Bool[Array, " m"], Bool[Array, " m"]]:
     """(M,) bool twice: which corners are of either plane, each of the one that it is nearer to."""
-    distances = np.stack([_distances(labels, xy, some) for some in (first, second)])
+    distances = _distances(labels, xy, np.stack([first, second]))
     of = np.where(distances.min(axis=0) <= NEAR, distances.argmin(axis=0), -1)
     return of == 0, of == 1
 
 
-def _distances(labels: Int[Array, "m 2"], xy: Real[Array, "m 2"], some: Bool[Array, " m"]) -> Real[Array, " m"]:
-    """(M,) squares: distances of the corners from their places in the plane through `some` of them."""
-    H = homography(xy[some], labels[some].astype(float))
+def _distances(labels: Int[Array, "m 2"], xy: Real[Array, "m 2"], planes: Bool[Array, "k m"]) -> Real[Array, "k m"]:
+    """(K, M) squares: distances of all corners from their places in the plane through some of them, in each of K
+    planes."""
+    H = [homography(xy[some], labels[some].astype(float)).ravel() for some in planes]
+    a, b, c, d, e, f, g, h, k = np.reshape(H, (-1, 9)).T[..., None]
+    x, y = xy.T
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        gaps = np.linalg.norm(apply_homography(H, xy) - labels, axis=1)
+        w = g * x + h * y + k
+        i, j = (a * x + b * y + c) / w - labels[:, 0], (d * x + e * y + f) / w - labels[:, 1]
+        gaps = np.sqrt(i * i + j * j)
     return np.where(np.isfinite(gaps), gaps, np.inf)
 
 
 def _rms(labels: Int[Array, "m 2"], xy: Real[Array, "m 2"]) -> float:
     """RMS distance of corners from their places in the plane through all of them, squares."""
-    return float(np.sqrt((_distances(labels, xy, np.ones(len(labels), bool)) ** 2).mean()))
+    return float(np.sqrt((_distances(labels, xy, np.ones((1, len(labels)), bool)) ** 2).mean()))
 
 
 def _edges(labels: Int[Array, "m 2"], first: Bool[Array, " m"], second: Bool[Array, " m"]) -> int:
