@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rcdn.boards.local import Grid, windows
+from rcdn.geometry.median import medians
 from rcdn.types import Array
 from rcdn.types.arrays import Int, Real
 
@@ -70,14 +71,14 @@ def _between(along: Int[Array, " m"], excess: Real[Array, "m 4"]) -> Int[Array, 
     """(K,) the lines, ascending labels, that may lie between two boards: both steps to them are longer, of which a
     fold, or a seam within a square, makes one longer only. `along` (M,): the labels along the axis; `excess` (M, 4): of
     the corners."""
-    known = np.flatnonzero(np.isfinite(excess[:, 0]))
+    known = np.isfinite(excess[:, 0])
+    of = along - along.min()
+    count, many = np.bincount(of[known]), np.bincount(of[known], excess[known, 0] > LONGER / 2)
     found = []
-    for line in np.unique(along[known]).tolist():
-        here = excess[known[along[known] == line]]
-        even, left, right, change = np.median(here, axis=0)
-        longer = even > LONGER and min(left, right) >= BOTH * even and change <= CHANGE * even
-        if longer and len(here) >= FEWEST and (here[:, 0] > LONGER / 2).mean() >= AGREE:
-            found.append(line)
+    for line in np.flatnonzero((count >= FEWEST) & (many / np.maximum(count, 1) >= AGREE)).tolist():
+        even, left, right, change = medians(excess[known & (of == line)].T)
+        if even > LONGER and min(left, right) >= BOTH * even and change <= CHANGE * even:
+            found.append(line + along.min())
     return np.array(found, int)
 
 

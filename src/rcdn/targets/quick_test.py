@@ -8,6 +8,7 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
+from rcdn.geometry.median import median
 from rcdn.types import Array, Board
 from rcdn.types.arrays import Bool, Real, Shaped
 
@@ -43,7 +44,7 @@ class CornerSamples:
     def may_carry_codes(self) -> bool:
         """Whether there may be markers in squares of one colour, or circles on the edges."""
         known = np.abs(self.edges[np.isfinite(self.edges)])
-        level = float(np.median(known)) if len(known) else 0.0
+        level = median(known) if len(known) else 0.0
         return level >= LOOSER * FAINT or self._spread_of_one_colour > (LOOSER * PLAIN) ** 2
 
     @property
@@ -53,7 +54,7 @@ class CornerSamples:
         colour = ((a + b)[None] + self.odd[:, None, None]) % 2 == 1
         spread = self.squares[..., 1:-1, 1:-1].var(axis=(3, 4))
         rim = self.squares[..., :: SAMPLES - 1, :].mean(axis=(3, 4))
-        dark, bright = (tuple(float(np.median(v[c])) for v in (spread, rim)) for c in (colour, ~colour))
+        dark, bright = (tuple(median(v[c]) for v in (spread, rim)) for c in (colour, ~colour))
         return abs(dark[0] - bright[0]) / max((dark[1] - bright[1]) ** 2, 1e-6)
 
 
@@ -142,8 +143,8 @@ def marked_squares(squares: Real[Array, "r c s s"], inner: Bool[Array, "r c"]) -
     rim = np.concatenate(
         [squares[:, :, :1, :].reshape(*inner.shape, -1), squares[:, :, -1:, :].reshape(*inner.shape, -1)], axis=2
     ).mean(axis=2)
-    contrast = abs(float(np.median(rim[known[0]])) - float(np.median(rim[known[1]])))
-    noise = [float(np.median(spread[k])) for k in known]
+    contrast = abs(median(rim[known[0]]) - median(rim[known[1]]))
+    noise = [median(spread[k]) for k in known]
     more = int(np.argmax(noise))
     if noise[more] - noise[1 - more] < (PLAIN * contrast) ** 2:
         return None
