@@ -115,7 +115,13 @@ def test_compare_writes_its_report_without_its_json(run, monkeypatch):
 
 @pytest.mark.parametrize(
     "command",
-    [("render", "-"), ("undistort", "camera.yaml", "a.png", "--out", "-"), ("detect", "a.png", "--overlay", "-")],
+    [
+        ("render", "-"),
+        ("undistort", "camera.yaml", "a.png", "--out", "-"),
+        ("detect", "a.png", "--overlay", "-"),
+        ("live", "-"),
+        ("train", "a.toml", "--runs", "-"),
+    ],
     ids=lambda command: command[0],
 )
 def test_standard_output_is_no_folder(run, command):

@@ -8,15 +8,15 @@ enum { FIRST = 1, BESIDE = 2, LOOSE = 4, LAST = 8, ROLES = 15 };
 
 /* markers that are processed together, in so many vectors; columns of the widest board of which a part may be visible,
  * and of any board */
-enum { BLOCK = 64, VECTORS = BLOCK / VECTOR, COLUMNS = 64, WIDEST = 1 << 16 };
+enum { BLOCK = 64, VECTORS = BLOCK / FLOATS, COLUMNS = 64, WIDEST = 1 << 16 };
 CONSTANTS(gains, FIRST, BESIDE, LOOSE, LAST, BLOCK, COLUMNS)
 
 /* evidence at positions that no layout allows */
 #define NEVER -1e6f
 
-typedef float vec __attribute__((vector_size(4 * VECTOR)));
+typedef float vec __attribute__((vector_size(4 * FLOATS)));
 
-typedef int32_t whole_vec __attribute__((vector_size(4 * VECTOR)));
+typedef int32_t whole_vec __attribute__((vector_size(4 * FLOATS)));
 
 INLINE vec load(const float *p) {
     vec v;
@@ -56,7 +56,7 @@ INLINE void most_gains(const Turned *turned, index_t k, const float *bits, index
             sum[j] = (vec){0} + turned->black[k];
         for (index_t b = 0; b < turned->many; b++, bits += BLOCK)
             for (int j = 0; j < VECTORS; j++)
-                sum[j] += load(bits + j * VECTOR) * own[b];
+                sum[j] += load(bits + j * FLOATS) * own[b];
         memcpy(gain + block * BLOCK, sum, sizeof sum);
     }
     for (index_t n = 0; n < blocks * BLOCK; n++)
@@ -134,12 +134,12 @@ INLINE void add_rows(const Row *rows, index_t count, index_t first, index_t colu
 INLINE float most_together(const float *even, const float *odd, index_t size, float most) {
     vec best = (vec){0} + most;
     index_t k = 0;
-    for (; k + VECTOR <= size; k += VECTOR) {
+    for (; k + FLOATS <= size; k += FLOATS) {
         const vec sum = load(even + k) + load(odd + k);
         const whole_vec more = sum > best;
         best = (vec)((more & (whole_vec)sum) | (~more & (whole_vec)best));
     }
-    for (int j = 0; j < VECTOR; j++)
+    for (int j = 0; j < FLOATS; j++)
         most = best[j] > most ? best[j] : most;
     for (; k < size; k++)
         most = even[k] + odd[k] > most ? even[k] + odd[k] : most;

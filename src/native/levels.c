@@ -1,4 +1,4 @@
-/* The processor's instruction set, by CPUID or from the operating system: the compilers' own tables of processors are
+/* The processor's instruction set, by CPUID or as the operating system says: the compilers' own tables of processors are
  * missing, or empty, with some C libraries. */
 #include "levels.h"
 

@@ -34,18 +34,13 @@ enum { AVX2_LEVEL = BASELINE + 1, AVX_VNNI_LEVEL, AVX512_LEVEL, VNNI_LEVEL };
 #if defined(__aarch64__) && defined(__ARM_NEON) && !defined(__AARCH64EB__) && !defined(ONE_LEVEL)
 #define ARM_LEVELS 1
 enum { DOTPROD_LEVEL = BASELINE + 1 };
-#ifdef __clang__
-#define FOR_DOTPROD __attribute__((target("dotprod")))
-#else
-#define FOR_DOTPROD __attribute__((target("arch=armv8.2-a+dotprod")))
-#endif
 #endif
 
 /* Floats of a vector at most levels: gcc takes one apart, number by number, that is longer than the processor's. */
 #ifdef ARM_LEVELS
-enum { VECTOR = 4 };
+enum { FLOATS = 4 };
 #else
-enum { VECTOR = 8 };
+enum { FLOATS = 8 };
 #endif
 
 #endif

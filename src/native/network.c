@@ -16,9 +16,9 @@
 #define RING 4    /* rows of a layer that are kept */
 #define SEEN 8    /* rows of the normalised image that are kept */
 
-typedef float vector __attribute__((vector_size(4 * VECTOR)));
+typedef float floats __attribute__((vector_size(4 * FLOATS)));
 typedef float sixteen __attribute__((vector_size(64))); /* with AVX-512 */
-enum { PARTS = NARROW / VECTOR };
+enum { PARTS = NARROW / FLOATS };
 
 /* Weights as packed by `corners/cells.py`: those in floating point, and those of 8 bits. `scale` and `bias` turn sums
  * into the inputs of the next layer, and those of the last layer into the argument of the sigmoid. */
@@ -149,7 +149,7 @@ INLINE void see(Network *n, index_t y) {
         for (int k = 0; k < FIRST; k++)                                              \
             store_levels(out + k * NARROW, sums[k]);                                 \
     }
-FIRST_BLOCK(first_block, vector)
+FIRST_BLOCK(first_block, floats)
 FIRST_BLOCK(wide_first_block, sixteen)
 
 INLINE void first_row(Network *n, index_t y) {
@@ -187,11 +187,11 @@ INLINE void last_row(const Network *n, const uint8_t *mask, index_t width, index
         if (!mask[x])
             continue;
         float out[NARROW];
-        vector sum[2][PARTS] = {{{0}}}; /* of integers under 2^24: exact in any order */
+        floats sum[2][PARTS] = {{{0}}}; /* of integers under 2^24: exact in any order */
         for (int k = 0; k < WIDE; k++)
             for (int part = 0; part < PARTS; part++) {
-                vector weight;
-                memcpy(&weight, n->reals->last[k] + VECTOR * part, sizeof weight);
+                floats weight;
+                memcpy(&weight, n->reals->last[k] + FLOATS * part, sizeof weight);
                 sum[k & 1][part] += weight * (float)row[x * WIDE + k];
             }
         for (int part = 0; part < PARTS; part++)

@@ -14,7 +14,7 @@
 enum { PLAIN, VECTORS, BEST };
 
 /* Weights of a convolution: (tap, group of inputs, output, input), and as `pairs` (tap, pair of inputs, output, input);
- * `centre`: 128 × the sum of each output's weights, which is missing where inputs have 128 subtracted; scale and bias
+ * `centre`: 128 × the sum of each output's weights, to be added where inputs have 128 subtracted; scale and bias
  * that turn sums into the next inputs. */
 typedef struct {
     const int8_t *weight;
@@ -76,17 +76,17 @@ ROW_KERNEL(plain_conv, , plain_block, 2, 32, 1)
 /* The rows of both kinds of convolution, and which form of the weights they read beside `weight`. */
 typedef struct {
     RowKernel *strided, *conv;
-    enum { NO_OTHER, PAIRED, CENTRED } form;
+    enum { NONE, PAIRED, CENTRED } form;
 } RowKernels;
 
 /* The kernels of this processor, with no more than the `instructions` named. */
 static RowKernels row_kernels(int instructions) {
 #ifdef X86_LEVELS
     if (instructions >= BEST && level_taken() >= VNNI_LEVEL)
-        return (RowKernels){vnni_strided, vnni_conv, NO_OTHER};
+        return (RowKernels){vnni_strided, vnni_conv, NONE};
 #ifdef FOR_AVX_VNNI
     if (instructions >= BEST && level_taken() == AVX_VNNI_LEVEL)
-        return (RowKernels){avx_vnni_strided, avx_vnni_conv, NO_OTHER};
+        return (RowKernels){avx_vnni_strided, avx_vnni_conv, NONE};
 #endif
     if (instructions >= VECTORS && level_taken() >= AVX2_LEVEL)
         return (RowKernels){avx2_strided, avx2_conv, PAIRED};
@@ -97,7 +97,7 @@ static RowKernels row_kernels(int instructions) {
         return (RowKernels){neon_strided, neon_conv, CENTRED};
 #endif
     (void)instructions;
-    return (RowKernels){plain_strided, plain_conv, NO_OTHER};
+    return (RowKernels){plain_strided, plain_conv, NONE};
 }
 
 #endif

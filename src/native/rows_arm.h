@@ -73,8 +73,19 @@ INLINE void neon_block(const uint8_t *const from[3], const Convolution *c, const
 ROW_KERNEL(neon_strided, , neon_block, NEON_CELLS, 16, 2)
 ROW_KERNEL(neon_conv, , neon_block, NEON_CELLS, 32, 1)
 
-FOR_DOTPROD INLINE void dotprod_block(const uint8_t *const from[3], const Convolution *c, const int channels,
-                                      const int stride, index_t x, const int count, uint8_t *out) {
+/* sum += products of the bytes of four outputs with those of group `lane` of the inputs: as vdotq_laneq_s32, which
+ * compilers have only for files, or functions, of newer processors. The assembler is told of the instruction where the
+ * compiler's options don't. */
+#ifdef __ARM_FEATURE_DOTPROD
+#define ADMIT_DOTPROD ""
+#else
+#define ADMIT_DOTPROD ".arch armv8.2-a+dotprod\n\t"
+#endif
+#define ADD_DOT(sum, weights, inputs, lane) \
+    __asm__(ADMIT_DOTPROD "sdot %0.4s, %1.16b, %2.4b[" #lane "]" : "+w"(sum) : "w"(weights), "w"(inputs))
+
+INLINE void dotprod_block(const uint8_t *const from[3], const Convolution *c, const int channels, const int stride,
+                          index_t x, const int count, uint8_t *out) {
     for (int o = 0; o < WIDE; o += 16) {
         int32x4_t sum[DOTPROD_CELLS][4];
         for (int k = 0; k < count; k++)
@@ -88,12 +99,12 @@ FOR_DOTPROD INLINE void dotprod_block(const uint8_t *const from[3], const Convol
                     for (int k = 0; k < count; k++)
                         value[k] = vreinterpretq_s8_u8(
                             veorq_u8(vld1q_u8(from[j] + (stride * (x + k) + i) * channels + g), vdupq_n_u8(0x80)));
-#define ONE_GROUP(lane)                                                \
-    for (int q = 0; q < 4; q++) {                                      \
-        const int8x16_t a = vld1q_s8(weight + 16 * q);                 \
-        for (int k = 0; k < count; k++)                                \
-            sum[k][q] = vdotq_laneq_s32(sum[k][q], a, value[k], lane); \
-    }                                                                  \
+#define ONE_GROUP(lane)                                \
+    for (int q = 0; q < 4; q++) {                      \
+        const int8x16_t a = vld1q_s8(weight + 16 * q); \
+        for (int k = 0; k < count; k++)                \
+            ADD_DOT(sum[k][q], a, value[k], lane);     \
+    }                                                  \
     weight += GROUP * WIDE;
                     ONE_GROUP(0)
                     ONE_GROUP(1)
@@ -106,7 +117,7 @@ FOR_DOTPROD INLINE void dotprod_block(const uint8_t *const from[3], const Convol
     }
 }
 
-ROW_KERNEL(dotprod_strided, FOR_DOTPROD, dotprod_block, DOTPROD_CELLS, 16, 2)
-ROW_KERNEL(dotprod_conv, FOR_DOTPROD, dotprod_block, DOTPROD_CELLS, 32, 1)
+ROW_KERNEL(dotprod_strided, , dotprod_block, DOTPROD_CELLS, 16, 2)
+ROW_KERNEL(dotprod_conv, , dotprod_block, DOTPROD_CELLS, 32, 1)
 
 #endif

@@ -12,6 +12,7 @@ from rcdn.errors import ConfigError, DependencyError
 from rcdn.terminal import console
 from rcdn.terminal.console import Quiet
 from rcdn.terminal.group import INTERRUPTED, print_stopped
+from rcdn.terminal.options import parse_folder
 from rcdn.terminal.solve_options import BoardSize, LensModel, Model
 from rcdn.terminal.spacing import Length, Lengths, check_spacing, parse_spacing
 from rcdn.terminal.target import DEFAULT, Target, TargetOption
@@ -39,6 +40,7 @@ def live(
     folder: Annotated[
         Path,
         typer.Argument(
+            parser=parse_folder,
             metavar="FOLDER",
             help="Where pictures are kept as they are taken, and the camera at the end: a new folder, "
             "or one to go on with.",

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from rcdn.errors import ConfigError
+from rcdn.terminal.options import parse_folder
 
 
 def train(
@@ -17,7 +18,8 @@ def train(
         typer.Argument(metavar="CONFIG.toml…", help="What to train, one after the other: configs/train_q.toml."),
     ],
     runs: Annotated[
-        Path, typer.Option(metavar="DIR", help="Where runs and their pools of rendered crops are kept.")
+        Path,
+        typer.Option(parser=parse_folder, metavar="DIR", help="Where runs and their pools of rendered crops are kept."),
     ] = Path("runs"),
     backgrounds: Annotated[
         str | None,
