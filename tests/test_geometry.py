@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from rcdn.errors import RcdnError
-from rcdn.geometry import apply_homography, homography, project, transform, unproject
+from rcdn.geometry import apply_homographies, apply_homography, homography, project, transform, unproject
 from rcdn.types import Camera, Pose
 
 K = np.array([[600.0, 0, 320], [0, 580, 240], [0, 0, 1]])
@@ -165,6 +165,13 @@ def test_homography_is_exact(count):
     src = np.random.default_rng(count).uniform(0, 400, (count, 2))
     found = homography(src, apply_homography(H, src))
     assert found / found[2, 2] == pytest.approx(H, abs=1e-9)
+
+
+def test_many_homographies_map_as_each_does():
+    rng = np.random.default_rng(4)
+    H, points = np.eye(3) + rng.normal(0, 1e-3, (5, 3, 3)), rng.uniform(0, 100, (7, 2))
+    np.testing.assert_allclose(apply_homographies(H, points), [apply_homography(h, points) for h in H], rtol=1e-12)
+    assert apply_homographies(H[:0], points).shape == (0, 7, 2)
 
 
 def test_homography_against_opencv_under_noise():

@@ -35,7 +35,7 @@ STRICT = [
 
 
 NATIVE = import_module("rcdn._native")
-LEVELS = NATIVE.levels.split(", ")
+LEVELS = NATIVE.levels
 """of this kind of processor"""
 
 

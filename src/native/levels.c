@@ -20,8 +20,7 @@ static unsigned kept(void) {
     return low;
 }
 
-static const char *const names[] = {"baseline", "avx2", "avxvnni", "avx512", "vnni"};
-const char level_names[] = "baseline, avx2, avxvnni, avx512, vnni";
+const char *const level_names[] = {"baseline", "avx2", "avxvnni", "avx512", "vnni", NULL};
 
 /* AVX2 with dot products of bytes, which processors with and without AVX-512 may have. */
 static int has_avx_vnni(void) {
@@ -55,8 +54,7 @@ static int processor_level(int limit) {
 #include <sys/auxv.h>
 #endif
 
-static const char *const names[] = {"baseline", "dotprod"};
-const char level_names[] = "baseline, dotprod";
+const char *const level_names[] = {"baseline", "dotprod", NULL};
 
 static int processor_level(int limit) {
 #ifdef __ARM_FEATURE_DOTPROD /* the compiler takes it for granted, as Apple's does */
@@ -70,8 +68,7 @@ static int processor_level(int limit) {
     return found < limit ? found : limit;
 }
 #else
-static const char *const names[] = {"baseline"};
-const char level_names[] = "baseline";
+const char *const level_names[] = {"baseline", NULL};
 
 static int processor_level(int limit) {
     return limit;
@@ -86,11 +83,11 @@ int level_taken(void) {
 
 const char *find_level(void) {
     const char *most = getenv("RCDN_LEVEL");
-    int limit = sizeof names / sizeof *names - 1;
+    int limit = sizeof level_names / sizeof *level_names - 2;
     if (most && *most)
-        while (strcmp(names[limit], most))
+        while (strcmp(level_names[limit], most))
             if (--limit < BASELINE)
                 return NULL;
     taken = processor_level(limit);
-    return names[taken];
+    return level_names[taken];
 }

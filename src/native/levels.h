@@ -12,8 +12,8 @@ int level_taken(void);
  * once, before any kernel. */
 const char *find_level(void);
 
-/* The names of all levels of this kind of processor. */
-extern const char level_names[];
+/* The names of all levels of this kind of processor, then NULL. */
+extern const char *const level_names[];
 
 /* x86-64, compiled by gcc or clang; on Windows only by clang, since gcc does not align the stack there as AVX requires.
  * ONE_LEVEL: for tests. */

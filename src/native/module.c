@@ -316,32 +316,43 @@ static PyObject *integers_of(const Constants *constants) {
     return out;
 }
 
+static PyObject *strings_of(const char *const *texts) {
+    PyObject *out = PyList_New(0);
+    for (; out && *texts; texts++) {
+        PyObject *text = PyUnicode_FromString(*texts);
+        if (!text || PyList_Append(out, text) < 0)
+            Py_CLEAR(out);
+        Py_XDECREF(text);
+    }
+    return out;
+}
+
 static PyMethodDef methods[] = {{NULL, NULL, 0, NULL}};
 static struct PyModuleDef module = {
     PyModuleDef_HEAD_INIT, "rcdn._native", "Compiled kernels; see rcdn.native.", -1, methods, NULL, NULL, NULL, NULL};
 
-/* `level`: the instruction set that kernels use. `kernels`: functions by name. `arguments`: for each, in order, (name,
+/* `level`: the instruction set that kernels use, one of `levels`. `kernels`: functions by name. `arguments`: for each, in order, (name,
  * what, type, axes, whether it is written to, (those of a group)). `constants`: by unit and name. */
 PyMODINIT_FUNC PyInit__native(void) {
     PyObject *out = PyModule_Create(&module), *functions = PyDict_New(), *arguments = PyDict_New(),
-             *constants = PyDict_New();
+             *constants = PyDict_New(), *levels = strings_of(level_names);
     array_struct = PyUnicode_InternFromString("__array_struct__");
     const char *level = find_level();
-    if (!level)
-        PyErr_Format(PyExc_ValueError, "RCDN_LEVEL must be one of %s", level_names);
-    int failed = !level || !out || !functions || !arguments || !constants || !array_struct;
+    if (!level && levels)
+        PyErr_Format(PyExc_ValueError, "RCDN_LEVEL must be one of %R", levels);
+    int failed = !level || !out || !functions || !arguments || !constants || !levels || !array_struct;
     for (const Kernel *k = kernels; k && !failed; k = k->next)
         failed = put(functions, k->name, function_of(k)) || put(arguments, k->name, specs_of(k->specs, k->count));
     for (const Constants *c = all_constants; c && !failed; c = c->next)
         failed = put(constants, c->unit, integers_of(c));
     failed = failed || PyModule_AddStringConstant(out, "level", level) < 0 ||
-             PyModule_AddStringConstant(out, "levels", level_names) < 0 ||
-             PyModule_AddObjectRef(out, "kernels", functions) < 0 ||
+             PyModule_AddObjectRef(out, "levels", levels) < 0 || PyModule_AddObjectRef(out, "kernels", functions) < 0 ||
              PyModule_AddObjectRef(out, "arguments", arguments) < 0 ||
              PyModule_AddObjectRef(out, "constants", constants) < 0;
     Py_XDECREF(functions);
     Py_XDECREF(arguments);
     Py_XDECREF(constants);
+    Py_XDECREF(levels);
     if (failed)
         Py_CLEAR(out);
     return out;

@@ -11,7 +11,7 @@ import numpy as np
 from rcdn.boards.local import Grid, parts, windows
 from rcdn.boards.validate import is_full
 from rcdn.geometry.division import division_of
-from rcdn.geometry.homography import homography
+from rcdn.geometry.homography import apply_homographies, homography
 from rcdn.geometry.rules import CHECKER
 from rcdn.types import Array
 from rcdn.types.arrays import Bool, Int, Real
@@ -100,13 +100,9 @@ def _nearer(
 def _distances(labels: Int[Array, "m 2"], xy: Real[Array, "m 2"], planes: Bool[Array, "k m"]) -> Real[Array, "k m"]:
     """(K, M) squares: distances of all corners from their places in the plane through some of them, in each of K
     planes."""
-    H = [homography(xy[some], labels[some].astype(float)).ravel() for some in planes]
-    a, b, c, d, e, f, g, h, k = np.reshape(H, (-1, 9)).T[..., None]
-    x, y = xy.T
+    H = np.array([homography(xy[some], labels[some].astype(float)) for some in planes]).reshape(-1, 3, 3)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        w = g * x + h * y + k
-        i, j = (a * x + b * y + c) / w - labels[:, 0], (d * x + e * y + f) / w - labels[:, 1]
-        gaps = np.sqrt(i * i + j * j)
+        gaps = np.linalg.norm(apply_homographies(H, xy) - labels, axis=2)
     return np.where(np.isfinite(gaps), gaps, np.inf)
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rcdn.geometry.homography import homography
+from rcdn.geometry.homography import apply_homographies, homography
 from rcdn.types import Array
 from rcdn.types.arrays import Real
 
@@ -81,17 +81,11 @@ def _residuals(
         H = np.array(
             [homography(plane, at) if fine else np.full((3, 3), np.nan) for at, fine in zip(flat, there, strict=True)]
         )
-        mapped = _mapped(H, plane)
+        mapped = apply_homographies(H, plane)
         root = 1 - 4 * c * _square(mapped)
         gap = off - 2 * mapped / (1 + np.sqrt(np.where(root >= 0, root, np.nan)))
         size = np.sqrt((gap**2).sum(axis=2).mean(axis=1))
     return np.asarray(np.where(np.isfinite(size), size, np.inf))
-
-
-def _mapped(H: Real[Array, "c 3 3"], plane: Real[Array, "n 2"]) -> Real[Array, "c n 2"]:
-    """`plane` (N, 2) mapped by each of the homographies `H` (C, 3, 3)."""
-    out = np.column_stack([plane, np.ones(len(plane))]) @ H.transpose(0, 2, 1)
-    return np.asarray(out[..., :2] / out[..., 2:])
 
 
 def _square(off: Real[Array, "... 2"]) -> Real[Array, "... 1"]:

@@ -32,3 +32,9 @@ def apply_homography(H: Real[Array, "3 3"], points: Real[Array, "... 2"]) -> Arr
     points = np.asarray(points, float)
     w = points @ H[2, :2] + H[2, 2]
     return (points @ H[:2, :2].T + H[:2, 2]) / w[..., None]
+
+
+def apply_homographies(H: Real[Array, "c 3 3"], points: Real[Array, "n 2"]) -> Real[Array, "c n 2"]:
+    """`points` (N, 2) mapped by each of the homographies `H` (C, 3, 3)."""
+    out = np.column_stack([points, np.ones(len(points))]) @ H.transpose(0, 2, 1)
+    return np.asarray(out[..., :2] / out[..., 2:])
