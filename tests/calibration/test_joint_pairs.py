@@ -113,7 +113,7 @@ def test_boards_that_moved_between_both_pictures_are_not_fitted_by_bending_lense
         replace(v, xy=v.xy + rng.normal(0, px, 2)) if m in both else v
         for m, v in zip(seen[1]["c1"], alone["c1"].views, strict=True)
     ]
-    late = {**alone, "c1": replace(alone["c1"], views=tuple(views))}
+    late = {n: alone[n] for n in RING} | {"c1": replace(alone["c1"], views=tuple(views))}
     assert of_pairs(late, seen[1]).edge(0, 1) is None
 
 

@@ -64,7 +64,7 @@ class BoardReader:
         for note in got.notes:
             console.note(note)
         if not any(image.boards for image in got.images):
-            filmed = got.frames and not got.images and not got.failures
+            filmed = not got.images and got.examined
             raise CalibrationError(NO_FRAME if filmed else _no_board(got.images))
         note_target(self.settings.config.target, got)
         return got

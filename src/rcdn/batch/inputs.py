@@ -26,7 +26,7 @@ from rcdn.batch.work import (
     pictures_of,
     with_cached,
 )
-from rcdn.errors import ConfigError, many
+from rcdn.errors import ConfigError, ImageError, many
 from rcdn.terminal.group import print_error
 from rcdn.terminal.progress import Bar, progress
 
@@ -48,7 +48,8 @@ class Gathered:
     `images`: all photographs, with or without a board, and the chosen frames of videos. `failures`: inputs that could
     not be read, each already reported. `notes`: sentences on what was left out. `frames`: for each video the numbers of
     its frames in `images`. `reused`: the number of pictures whose detections came from the cache. `saved`: for each
-    picture that is named only by a file of saved detections, the folder of that file.
+    picture that is named only by a file of saved detections, the folder of that file. `examined`: the number of frames
+    of videos in which boards were looked for.
     """
 
     images: tuple[ImageResult, ...]
@@ -57,6 +58,7 @@ class Gathered:
     frames: Numbers
     reused: int
     saved: Mapping[str, Path] = field(default_factory=dict)
+    examined: int = 0
 
     @property
     def one_video(self) -> bool:
@@ -192,7 +194,9 @@ class _Run:
             video.examined = sorted(self._given.get(index, ()))
         else:
             bar.describe(f"{video.path.name}: looking for sharp frames")
-            video.count, video.examined = _candidates(video.path, content, cache)
+            video.count, video.examined, error = _candidates(video.path, content, cache)
+            if error:
+                yield Picture(index, str(video.path), None, error)
         blank = (Picture(index, frame_name(video.path, number), None, number=number) for number in video.examined)
         yield from _with_pixels(video.path, [with_cached(p, content, cache) for p in blank])
 
@@ -213,6 +217,7 @@ class _Run:
             tuple(kept),
             self._reused,
             self._saved_only(),
+            sum(len(video.examined) for video in self._videos.values()),
         )
 
     def _saved_only(self) -> dict[str, Path]:
@@ -241,8 +246,9 @@ class _Run:
         return tuple(names[i.path] for i in images)
 
 
-def _candidates(path: Path, content: str, cache: Cache | None) -> tuple[int, list[int]]:
-    """The number of frames of the video, and the numbers of the candidates for detection."""
+def _candidates(path: Path, content: str, cache: Cache | None) -> tuple[int, list[int], str]:
+    """The number of frames of the video, the numbers of the candidates for detection, and the error after these frames,
+    or ""."""
     from rcdn.calibration import frames as choice
     from rcdn.io import frames
 
@@ -251,12 +257,19 @@ def _candidates(path: Path, content: str, cache: Cache | None) -> tuple[int, lis
         key = cache.key(content, "candidates", file_digest(choice.__file__))
         known = cache.get(key)
         if isinstance(known, dict) and _are_frames(known.get("frames"), known.get("count")):
-            return known["count"], known["frames"]
-    summaries = [choice.frame_summary(grey) for _, grey in frames(path)]
+            return known["count"], known["frames"], ""
+    summaries, error = [], ""
+    try:
+        for _, grey in frames(path):
+            summaries.append(choice.frame_summary(grey))
+    except ImageError as failed:
+        if not summaries:
+            raise
+        error = str(failed)
     numbers = choice.candidates(summaries)
-    if cache is not None and key:
+    if cache is not None and key and not error:
         cache.put(key, {"count": len(summaries), "frames": numbers})
-    return len(summaries), numbers
+    return len(summaries), numbers, error
 
 
 def _are_frames(numbers: Any, count: Any) -> bool:

@@ -11,7 +11,8 @@ from typing import Any, BinaryIO
 import cv2
 import numpy as np
 
-from rcdn.errors import ImageError, OutputError
+from rcdn.errors import ImageError, OutputError, many
+from rcdn.io.containers import cut_short
 from rcdn.io.decode import decode
 from rcdn.io.fields import check_path
 from rcdn.io.files import is_special, is_video, write_bytes
@@ -121,7 +122,8 @@ def frames(path: str | Path) -> Iterator[tuple[str, Array]]:
     """The pictures in a file, as (name, grey): a picture itself, or every frame of a video (`clip.mp4#000012`).
 
     Frames are numbered from 0, and returned as stored (not rotated by the video's orientation). Raises ImageError as
-    `read_image` does, and if a video can't be opened or contains no frame. A truncated video ends early.
+    `read_image` does, if a video can't be opened or contains no frame, and, in place of the last frame, if the file was
+    cut short (AVI, MP4 and MOV state their length).
     """
     if not is_video(path):
         yield str(path), read_image(path)
@@ -135,10 +137,15 @@ def colour_frames(path: str | Path) -> Iterator[tuple[str, Array]]:
     _open_check(path)
     if not Path(path).is_file():
         raise ImageError(f"{path}: a pipe or device, and videos are read from files only; save it as a file")
-    index = 0
-    for index, frame in enumerate(_video(str(path)), 1):
-        yield f"{path}#{index - 1:06d}", frame
-    if index == 0:
+    video, cut, count = _video(str(path)), cut_short(path), 0
+    frame = next(video, None)
+    while frame is not None:
+        following = next(video, None)
+        if cut and following is None:  # a part of `frame` is missing
+            raise ImageError(f"{path}: the file was cut short after {many(count, 'whole frame')}; copy it again")
+        yield f"{path}#{count:06d}", frame
+        frame, count = following, count + 1
+    if count == 0:
         raise ImageError(
             f"{path}: the video can't be opened or holds no frame; convert it to MP4 (H.264) or AVI (MJPEG)"
         )
