@@ -202,10 +202,10 @@ def residuals(state: State, corners: Corners3) -> Real[Array, "n 2"]:
 def on_first_board(state: State, corners: Corners3) -> Real[Array, "n 3"]:
     """(N, 3) m: the corners in the coordinates of the first of the boards that are fixed to each other, including the
     boards' shape."""
-    shape = corners.basis[:, : len(state.shape)] @ state.shape
-    board = np.column_stack([corners.board, np.zeros(len(corners))]) + shape
+    board = corners.basis[:, : len(state.shape)] @ state.shape
+    board[:, :2] += corners.board
     if corners.part is None or len(state.boards) == 1:
-        return np.asarray(board)
+        return board
     return _transformed(state.boards, corners.part, board)
 
 
@@ -236,10 +236,12 @@ def _carried(state: State, corners: Corners3, first: Real[Array, "n 3"]) -> Real
 
 def _transformed(T: Real[Array, "f 4 4"], number: Real[Array, " n"], points: Real[Array, "n 3"]) -> Real[Array, "n 3"]:
     """`points` (N, 3) after the rigid motion `number` (N,) among `T`."""
-    x, y, z = points.T[:, :, None]
-    columns = T[:, :3].transpose(2, 0, 1)
-    R, t = columns[:3, number], columns[3, number]
-    return np.asarray(R[0] * x + R[1] * y + R[2] * z + t)
+    x, y, z = np.ascontiguousarray(points.T)
+    rows = T[:, :3].reshape(len(T), 12).T.take(number, axis=1)
+    out = np.empty((len(points), 3))
+    for axis, (a, b, c, t) in enumerate(rows.reshape(3, 4, len(points))):
+        out[:, axis] = a * x + b * y + c * z + t
+    return out
 
 
 def linearise(state: State, corners: Corners3) -> tuple[Array, Array, Array]:
@@ -318,9 +320,10 @@ def by_motion(by_point: Real[Array, "n 2 3"], points: Real[Array, "n 3"]) -> Rea
     """Derivatives (N, 2, 6) by a small motion, rotation before shift, of what depends on `points` (N, 3) with the
     derivatives `by_point` (N, 2, 3)."""
     out = np.empty((len(points), 2, 6))
-    x, y, z = points.T[:, :, None]
-    a, b, c = np.moveaxis(by_point, 2, 0)
-    out[:, :, 0], out[:, :, 1], out[:, :, 2] = y * c - z * b, z * a - x * c, x * b - y * a
+    x, y, z = np.ascontiguousarray(points.T)
+    for row in (0, 1):
+        a, b, c = np.ascontiguousarray(by_point[:, row].T)
+        out[:, row, 0], out[:, row, 1], out[:, row, 2] = y * c - z * b, z * a - x * c, x * b - y * a
     out[:, :, 3:] = by_point
     return out
 

@@ -87,16 +87,23 @@ class Arrow:
 
 def _by_frame(left: Real[Array, "n 2 a"], right: Sequence[Array], frame: Array, frames: int) -> list[Array]:
     """Sums (F, A, B) of leftᵀ right of the corners of each frame, for each `right` (N, 2, B)."""
-    out = [np.zeros((frames, left.shape[2], r.shape[2])) for r in right]
     if (np.diff(frame) < 0).any():
         order = np.argsort(frame, kind="stable")
         left, right, frame = left[order], [r[order] for r in right], frame[order]
     starts = np.flatnonzero(np.diff(frame, prepend=-1))
-    for start, end in zip(starts, [*starts[1:], len(frame)], strict=False):
-        A = left[start:end].reshape(2 * (end - start), left.shape[2]).T
-        for sums, r in zip(out, right, strict=True):
-            sums[frame[start]] = A @ r[start:end].reshape(2 * (end - start), r.shape[2])
+    rows = np.append(2 * starts, 2 * len(frame)).tolist()
+    out = [np.zeros((frames, left.shape[2], r.shape[2])) for r in right]
+    A, flat = _flat(left).T, [_flat(r) for r in right]
+    for k, start, end in zip(frame[starts].tolist(), rows, rows[1:], strict=False):
+        mine = A[:, start:end]
+        for sums, r in zip(out, flat, strict=True):
+            np.matmul(mine, r[start:end], out=sums[k])
     return out
+
+
+def _flat(jacobian: Real[Array, "n 2 k"]) -> Array:
+    """(2 N, K) the rows of all corners."""
+    return jacobian.reshape(2 * len(jacobian), jacobian.shape[2])
 
 
 def _damped(blocks: Real[Array, "f n n"], damping: float) -> Array:
@@ -186,10 +193,9 @@ class Linear:
     @property
     def normal(self) -> Normal:
         """The normal equations, including the prior."""
-        many = self.shared.shape[2]
         parts = (self.by_frame, self.shared, self.gaps[:, :, None])
         own, mixed, gradient = _by_frame(self.by_frame, parts, self.frame, self.frames)
-        flat = self.shared.reshape(2 * len(self.shared), many)
+        flat = _flat(self.shared)
         shared = flat.T @ self.gaps.ravel() + self.pull
         blocks = np.concatenate([own, mixed], axis=2)
         return Normal(blocks, flat.T @ flat + self.precision, (gradient[:, :, 0], shared))
@@ -199,7 +205,7 @@ def _whitened(gaps: Array, by_frame: Array, shared: Array, weight: Array, loss: 
     """Residuals and Jacobians times the corners' weights, zero for corners that a camera cannot see. The Jacobians are
     changed in place."""
     gaps = gaps * weight[:, None]
-    blind = ~(np.abs(gaps) < FARTHEST).all(axis=1)
+    blind = _unseen(gaps)
     firm = np.where(blind, 0.0, weight)
     calm = np.ones(1)
     if loss == "soft_l1":
@@ -213,6 +219,12 @@ def _whitened(gaps: Array, by_frame: Array, shared: Array, weight: Array, loss: 
         if not np.isfinite(jacobian.sum()):
             np.nan_to_num(jacobian, copy=False)
     return gaps, by_frame, shared
+
+
+def _unseen(gaps: Real[Array, "n 2"]) -> Array:
+    """(N,) whether a camera cannot see a corner, of whitened residuals."""
+    x, y = np.abs(gaps.T) < FARTHEST
+    return np.asarray(~(x & y))
 
 
 FEW_CAMERAS = 2
@@ -368,7 +380,7 @@ def _on_parabola(at: Callable[[float], tuple[State, float]], cost: float, slope:
 
 def _cost(state: State, corners: Corners3, weight: Array, loss: str) -> float:
     gaps = residuals(state, corners) * weight[:, None]
-    gaps[~(np.abs(gaps) < FARTHEST).all(axis=1)] = BEHIND
+    gaps[_unseen(gaps)] = BEHIND
     square = gaps[weight > 0] ** 2
     total = square.sum() if loss == "linear" else 2 * SCALE**2 * (np.sqrt(1 + square / SCALE**2) - 1).sum()
     return float(total) + state.beforehand.cost(state.values)
