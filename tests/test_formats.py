@@ -11,6 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from json_edit import edit
+from rcdn import Detector
 from rcdn.errors import RcdnError
 from rcdn.io import FormatError, ImageResult, read_detections, read_vnl, write_csv, write_detections, write_vnl
 from rcdn.types import Board, Corners, Status
@@ -131,6 +132,12 @@ def test_unknown_numbers_are_null(tmp_path):
     back = read_detections(tmp_path / "a.json")[0][0].corners
     np.testing.assert_array_equal(back.response, [np.nan, 1])
     np.testing.assert_array_equal(back.sigma, [0.1, np.nan])
+
+
+def test_detections_without_a_picture_s_name_are_refused(tmp_path):
+    nothing = Detector().detect(np.zeros((80, 100), np.uint8))
+    with pytest.raises(RcdnError, match=r"images\[0\] must be an ImageResult\(path, .*, not Detection"):
+        write_detections(tmp_path / "a.json", [nothing])
 
 
 def test_a_position_must_be_finite_and_a_board_of_its_image(tmp_path):

@@ -89,6 +89,27 @@ def test_a_wrong_size(tmp_path, size):
         read_vnl_boards(tmp_path / "c.vnl", size, SIZE)
 
 
+@pytest.mark.parametrize("size", [(9, 6), (10, 7), (4, 3)])
+def test_columns_and_rows_may_be_given_the_other_way_round(tmp_path, size):
+    one = result("a.png", tilted(*size))
+    write_vnl(tmp_path / "c.vnl", [one], size)
+    (found,) = read_vnl_boards(tmp_path / "c.vnl", size[::-1], SIZE)
+    same_board(found.boards[0], one.boards[0])
+
+
+def test_a_size_whose_lines_are_zigzags_is_refused(tmp_path):
+    write_vnl(tmp_path / "c.vnl", [result("a.png", tilted(9, 6))], (9, 6))
+    with pytest.raises(FormatError, match="18×3 corners are zigzags, those of 9×6 straight"):
+        read_vnl_boards(tmp_path / "c.vnl", (18, 3), SIZE)
+
+
+def test_corners_outside_of_the_picture_are_refused(tmp_path):
+    write_vnl(tmp_path / "c.vnl", [result("a.png", tilted(9, 6))], (9, 6))
+    assert read_vnl_boards(tmp_path / "c.vnl", None, SIZE)
+    with pytest.raises(FormatError, match=r"a\.png has a corner at .*, outside of a picture of 320×240 px"):
+        read_vnl_boards(tmp_path / "c.vnl", None, (320, 240))
+
+
 def test_rows_that_differ_between_images(tmp_path):
     lines = [f"{name} {x} {y} 0\n" for name, n in (("a.png", 4), ("b.png", 3)) for y in range(n) for x in range(3)]
     (tmp_path / "c.vnl").write_text("".join(lines))
@@ -157,7 +178,7 @@ def test_sizes_come_from_the_pictures(tmp_path, monkeypatch):
     write_image(tmp_path / "b.png", np.zeros((20, 30), np.uint8))
     monkeypatch.chdir(tmp_path)
     assert [(r.width, r.height) for r in read_vnl_boards(path)] == [(70, 50), (30, 20)]
-    assert {(r.width, r.height) for r in read_vnl_boards(path, image_size=(9, 9))} == {(9, 9)}
+    assert {(r.width, r.height) for r in read_vnl_boards(path, image_size=(99, 90))} == {(99, 90)}
 
 
 def test_files_without_boards(tmp_path):

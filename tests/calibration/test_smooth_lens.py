@@ -8,10 +8,12 @@ from typer.testing import CliRunner
 
 from rcdn.calibration import calibrate, estimate_pose
 from rcdn.calibration.bundle import State, lens_prior
+from rcdn.calibration.difference import camera_difference
 from rcdn.calibration.influence import view_information
 from rcdn.calibration.plain_lens import plain_fit
 from rcdn.calibration.smooth_lens import Bending, with_correction
 from rcdn.cli import app
+from rcdn.geometry.spline_grid import frame_pixels
 from rcdn.io import lens_fit, write_calibration
 from rcdn_lab.camera_scenes import CAMERAS, SPACING, board, random_boards
 
@@ -74,6 +76,9 @@ def test_a_file_of_coefficients_holds_what_the_corners_give_without_a_correction
     assert found.solved
     assert found.held.correction is None
     assert "solved from the same pictures" in found.text
+    frame = frame_pixels(smooth.camera.image_size, 41)
+    at_corners = camera_difference(found.held, smooth.camera, frame[[0, 40, -41, -1]], fit=frame).lengths.max()
+    assert found.largest == pytest.approx(at_corners)  # where it is largest here: "over the frame" is up to its border
 
     def error(camera):
         gaps = [estimate_pose(b, camera, SPACING).rms for b in near_the_middle]

@@ -241,3 +241,55 @@ def test_kalibr_files_as_kalibr_dumps_them(tmp_path):
     assert found.parameters.tolist() == [461.5, 460.25, 362.5, 246.75, -0.29, 0.08, 1e-5, 2e-5]
     with pytest.raises(FormatError, match="holds 3 cameras, not a pair"):
         read_stereo(tmp_path / "a.yaml")
+
+
+MESSAGE = """header:
+  frame_id: camera
+height: 480
+width: 640
+distortion_model: {model}
+{d}: {D}
+{k}: [500.0, 0.0, 320.0, 0.0, 501.0, 240.0, 0.0, 0.0, 1.0]
+{r}: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]
+{p}: [500.0, 0.0, 320.0, 0.0, 0.0, 501.0, 240.0, 0.0, 0.0, 0.0, 1.0, 0.0]
+roi:
+  x_offset: 0
+---
+"""
+
+
+@pytest.mark.parametrize("names", ["dkrp", "DKRP"])  # of ROS 2 and ROS 1
+@pytest.mark.parametrize(
+    ("model", "D", "lens"),
+    [
+        ("plumb_bob", [0.1, -0.2, 0.001, 0.002, 0.0], "brown"),
+        ("rational_polynomial", [0.1, -0.2, 0.001, 0.002, 0.01, 0.02, 0.03, 0.04], "rational"),
+        ("equidistant", [0.1, -0.2, 0.01, 0.002], "fisheye"),
+    ],
+)
+def test_messages_of_ros_are_read(tmp_path, names, model, D, lens):
+    path = tmp_path / "message.yaml"
+    path.write_text(MESSAGE.format(model=model, D=D, **dict(zip("dkrp", names, strict=True))))
+    found = read_camera(path)
+    np.testing.assert_array_equal(found.K, [[500, 0, 320], [0, 501, 240], [0, 0, 1]])
+    assert (found.model, found.distortion.tolist(), found.image_size) == (lens, D, (640, 480))
+
+
+@pytest.mark.parametrize(("last", "reads"), [(0.0, True), (0.01, False)])
+def test_ros_may_write_zeros_for_a_thin_prism(tmp_path, last, reads):
+    D, path = [0.1, -0.2, 0.001, 0.002, 0.01, 0.02, 0.03, 0.04, 0, 0, 0, 0, 0, last], tmp_path / "message.yaml"
+    path.write_text(MESSAGE.format(model="rational_polynomial", D=D, d="d", k="k", r="r", p="p"))
+    if reads:
+        assert read_camera(path).distortion.tolist() == D[:8]
+        return
+    with pytest.raises(FormatError, match="thin prisms"):
+        read_camera(path)
+
+
+def test_json_of_opencv_is_told_to_be_saved_as_yaml(tmp_path):
+    path = tmp_path / "camera.json"
+    file = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_FORMAT_JSON)
+    file.write("camera_matrix", K)
+    file.release()
+    with pytest.raises(FormatError, match=r"not of rcdn; of OpenCV's FileStorage the YAML is read"):
+        read_camera(path)

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from rcdn.errors import OutputError, RcdnError
+from rcdn.errors import ConfigError, OutputError, RcdnError
 
 if TYPE_CHECKING:
     from rcdn.config import DetectorConfig
@@ -206,8 +206,11 @@ def open_cache(config: DetectorConfig, folder: Path | None = None, off: bool = F
     """The cache for detections with `config`, in `folder` or, without one, in the system's cache folder.
 
     None if `off`; also None, with a note on stderr, if there is no such folder (the user of a container may have no
-    home folder). Raises OutputError if `folder` was given and can't be written, RcdnError if the weights can't be read.
+    home folder). Raises OutputError if `folder` was given and can't be written, RcdnError if the weights can't be read,
+    ConfigError for a `folder` if `off`.
     """
+    if off and folder is not None:
+        raise ConfigError("--cache and --no-cache contradict each other; leave one of them out")
     if off:
         return None
     if folder is not None:

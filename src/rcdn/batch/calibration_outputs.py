@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rcdn.batch.camera_files import check_format, pair_files
+from rcdn.batch.camera_files import a_file_a_camera, check_format, pair_files
 from rcdn.batch.paths import check_file
 from rcdn.batch.writing import print_unwritten, write_each
 from rcdn.errors import ConfigError, FormatError
@@ -93,12 +93,21 @@ class Outputs:
         """Raise before the computation the errors that would prevent writing afterwards; `rig`, `stereo`: check camera
         files as those of a rig or a pair."""
         paths = [Path(i) for i in inputs]
+        for name, given, needed, option in (
+            ("--format", self.format is not None, self.cameras, "--output"),
+            ("--pictures", bool(self.pictures), self.report, "--report"),
+        ):
+            if given and not needed:
+                raise ConfigError(f"{name} has no effect without {option}; leave it out, or add {option} FILE")
         for path in self.cameras:
             try:
                 check_format(path, self.format, rig)
             except FormatError as error:
                 raise ConfigError(str(error)) from None
-            for file in pair_files(path, self.format) if stereo else [path]:
+            files = pair_files(path, self.format) if stereo else [path]
+            if path == console.STDOUT and (len(files) > 1 or (rig and a_file_a_camera(path, self.format))):
+                raise ConfigError("--output -: this format has a file for each camera; name the file")
+            for file in files:
                 check_file("--output", file, paths)
         check_file("--report", self.report, paths)
         check_file("--json", self.json, paths)

@@ -86,14 +86,12 @@ class BoardReader:
 
     def check(self, got: Gathered, spacing: Length | Lengths) -> None:
         """Name the pictures without a board, and raise ConfigError if the boards contradict --board or --spacing."""
-        from rcdn.batch.summary import size_hint
+        from rcdn.batch.summary import size_hint_of
 
         if without := [image.path for image in got.images if not image.boards]:
             names = ", ".join(without[:3]) + (", …" if len(without) > 3 else "")
             console.note(f"no board was found in {len(without)} of {many(len(got.images), 'picture')}: {names}")
-        complete = [{b.size for b in image.boards if b.complete} for image in got.images]
-        sizes, pictures = set().union(*complete), sum(map(bool, complete))
-        if hint := size_hint(self.size, {(max(s), min(s)) for s in sizes}, pictures, len(got.images)):
+        if hint := size_hint_of(got.images, self.size):
             if "squares have" in hint:
                 raise ConfigError(f"--board {self.size[0]}x{self.size[1]}: {hint}" if self.size else hint)
             console.note(f"hint: {hint}")

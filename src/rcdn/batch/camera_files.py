@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from rcdn.types import Calibration, Camera, Rig, StereoCalibration
 
 
+ENDINGS = frozenset({".yaml", ".yml", ".cameramodel", ".json", ".npz", ".toml", ".vnl", ".csv"})
+"""endings of files that tell what they hold; .txt, COLMAP's, may be any text"""
 EXACT = 0.01
 """largest error of a fitted lens, px, at which a format is taken to represent the lens exactly"""
 
@@ -52,9 +54,11 @@ def _is_colmap_rig(path: Path) -> bool:
 
 def check_format(path: Path, format: CameraFormat | None, rig: bool = False) -> None:
     """Raise FormatError if the file name determines no format, or (`rig`) no format that holds several cameras and
-    their poses."""
+    their poses, or if it is the name of a file in another format."""
     from rcdn.io import camera_format, rig_format
 
+    if format is not None:
+        _check_ending(path, format, rig)
     if rig:
         rig_format(path, format)
         return
@@ -62,11 +66,27 @@ def check_format(path: Path, format: CameraFormat | None, rig: bool = False) -> 
         camera_format(path, format)
 
 
+def _check_ending(path: Path, format: CameraFormat, rig: bool) -> None:
+    from rcdn.io.cameras import FORMATS
+
+    own = (".json",) if rig and format == "colmap" else FORMATS[format].endings
+    if path.suffix.lower() in ENDINGS.difference(own):
+        fix = f"end it with {' or '.join(own)}, or say no format"
+        raise FormatError(f"{path}: the name ends as no {format} file does; {fix}")
+
+
 def pair_files(path: Path, format: CameraFormat | None) -> list[Path]:
     """The files that `write_pair` writes."""
     from rcdn.io import stereo_paths
 
     return [path] if holds_maps(path, format) else stereo_paths(path, format)
+
+
+def a_file_a_camera(path: Path, format: CameraFormat | None) -> bool:
+    """Whether a rig has a file for each camera in this format."""
+    from rcdn.io import rig_paths
+
+    return len(rig_paths(path, ("first", "second"), format)) > 1
 
 
 def rig_refusal(

@@ -115,8 +115,12 @@ FORMATS: dict[str, DetectionFormat] = {format.name: format for format in (Json()
 
 
 def format_of(path: Path, name: str | None = None, fix: str = "end the name with one") -> DetectionFormat:
-    """The format of this `name`, or else that of the ending of `path`. Raises FormatError, with the advice `fix`."""
-    known = FORMATS.get(name or path.suffix.lower().removeprefix("."))
+    """The format of this `name`, or else that of the ending of `path`. Raises FormatError, with the advice `fix`, and
+    if the ending is that of another format."""
+    ending = path.suffix.lower().removeprefix(".")
+    known = FORMATS.get(name or ending)
+    if name and name != ending and ending in FORMATS:
+        raise FormatError(f"{path}: the name ends as no {name} file does; end it with .{name}, or say no format")
     if known is None:
         *most, last = FORMATS
         raise FormatError(f"{path}: detections are written as {', '.join(most)} or {last}; {fix}")

@@ -27,10 +27,12 @@ def tell_poses(
     length: Length | Lengths,
     json: Path | None,
     read: Sequence[Gathered],
+    size: tuple[int, int] | None = None,
 ) -> None:
     """Print the lines of the `poses`, each solved at its turn and named by its picture or moment, and write their
     records as the list `key` of `json`. Raises typer.Exit if one failed, now or when the inputs were `read`, or if
-    there is none."""
+    there is none. `size`: columns and rows of the boards that were asked for."""
+    from rcdn.batch.summary import size_hint_of
     from rcdn.io import write_text
 
     records, tried, failed = [], 0, any(got.failures for got in read)
@@ -44,8 +46,9 @@ def tell_poses(
             continue
         console.print_line(line)
         records.append(record)
-    if not tried and any(got.images for got in read):
-        print_error("no pose: no board was found in the pictures; see what `rcdn detect PICTURES --overlay DIR` draws")
+    if not tried and (images := [image for got in read for image in got.images]):
+        nothing = "no board was found in the pictures; see what `rcdn detect PICTURES --overlay DIR` draws"
+        print_error(f"no pose: {size_hint_of(images, size) or nothing}")
     if json is not None:
         lines = ",\n".join(json_module.dumps(r) for r in records)
         write_text(json, f'{{"version": 1, "spacing": {json_module.dumps(metres(length))}, "{key}": [\n{lines}\n]}}\n')

@@ -58,13 +58,14 @@ def _has_transforms(path: Path) -> bool:
 
 def convert_rig(inputs: Sequence[Path], out: Path, format: CameraFormat | None, lossy: bool) -> None:
     """Write the rig in `inputs` to `out`, and print what that format can't represent."""
-    from rcdn.batch.camera_files import check_exact, write_rig_files
-    from rcdn.io import read_rig, rig_format, rig_paths
+    from rcdn.batch.camera_files import a_file_a_camera, check_exact, check_format, write_rig_files
+    from rcdn.io import read_rig, rig_format
     from rcdn.io.rig_files import lens_fits
 
+    check_format(out, format, rig=True)
     kind = rig_format(out, format)
     rig = read_rig(*inputs)
-    if out == console.STDOUT and len(rig_paths(out, rig.names, format)) > 1:
+    if out == console.STDOUT and a_file_a_camera(out, format):
         raise ConfigError(f"a rig is a file a camera in {kind}; name OUT, to which the cameras' names are added")
     for name, fit in zip(rig.names, lens_fits(out, rig, format), strict=True):
         if not lossy:

@@ -49,7 +49,7 @@ def rig_poses(
         return _line(moment, done), _record(moment, done)
 
     wanted = ((moment, partial(solved, moment, boards)) for moment, boards in _moments(found, settings.size).items())
-    tell_poses(wanted, "rig_poses", length, json, [*found.values()])
+    tell_poses(wanted, "rig_poses", length, json, [*found.values()], settings.size)
 
 
 def _gathered(settings: DetectionSettings, inputs: Sequence[str], numbers: Numbers | None = None) -> Gathered:

@@ -190,6 +190,12 @@ class Tally:
         return ["  ".join(f"{c:>{w}}" for c, w in zip(row, widths, strict=True)) for row in (cells, cells.values())]
 
 
+def size_hint_of(images: Sequence[ImageResult], wanted: Size | None) -> str | None:
+    """`size_hint` for the complete boards of pictures."""
+    complete = [{_wide(board.size) for board in image.boards if board.complete} for image in images]
+    return size_hint(wanted, set().union(*complete), sum(map(bool, complete)), len(images))
+
+
 def size_hint(wanted: Size | None, sizes: Set[Size], pictures: int, of: int) -> str | None:
     """A hint at the board size that the user probably meant, or None.
 

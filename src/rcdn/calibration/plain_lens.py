@@ -7,11 +7,13 @@ from dataclasses import replace
 import numpy as np
 
 from rcdn.calibration.bundle import default_free, with_fixed
-from rcdn.calibration.difference import camera_difference, common_grid
+from rcdn.calibration.difference import camera_difference
 from rcdn.calibration.influence import corners_of, held_fixed, state_of
 from rcdn.calibration.solver import solve
 from rcdn.errors import CalibrationError, FormatError
 from rcdn.geometry import lens_trouble
+from rcdn.geometry.fit_lens import ALONG
+from rcdn.geometry.spline_grid import frame_pixels
 from rcdn.io import CameraFormat, LensFit, check_lens, lens_fit
 from rcdn.types import Calibration, Camera
 
@@ -52,7 +54,7 @@ def plain_fit(path: str, calibration: Calibration, format: CameraFormat | None =
         check_lens(path, camera, format)
     except (CalibrationError, FormatError):
         return found
-    lengths = camera_difference(camera, calibration.camera, common_grid(camera, calibration.camera)).lengths
+    lengths = camera_difference(camera, calibration.camera, frame_pixels(camera.image_size, ALONG)).lengths
     if not np.isfinite(lengths).any():
         return found
     rms, largest = float(np.sqrt(np.nanmean(lengths**2))), float(np.nanmax(lengths))

@@ -111,7 +111,7 @@ def calibrate(
     from rcdn.calibration.frames import CANDIDATES
     from rcdn.calibration.verdict import fails
 
-    console.begin(quiet, [json, *(output or ())])
+    console.begin(quiet, [json, report, *(output or ())])
     length, board, pattern = target.length(spacing), target.board(board), target.pattern(pattern)
     check_spacing(length, {"checker": board})  # before the computation
     held = {"aspect": fix_aspect, "principal_point": fix_principal_point}

@@ -72,7 +72,7 @@ def compare(
     from rcdn.io import write_text
     from rcdn.report.calibration.comparison import write_comparison_report
 
-    console.begin(quiet, [json])
+    console.begin(quiet, [json, report])
     names = camera_name or []
     if len(names) > 2:
         raise ConfigError(f"--camera-name: once for both files, or twice, not {len(names)} times")

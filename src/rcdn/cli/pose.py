@@ -121,7 +121,7 @@ def pose(
         for k, found in enumerate(image.boards)
         if size is None or (found.complete and sorted(found.size) == sorted(size))
     )
-    tell_poses(wanted, "poses", length, json, [got])
+    tell_poses(wanted, "poses", length, json, [got], size)
 
 
 def _record(path: str, number: int, board: Any, pose: Any) -> dict[str, Any]:

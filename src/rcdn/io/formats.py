@@ -54,8 +54,14 @@ def write_detections(path: str | Path, images: Sequence[ImageResult], errors: Se
     """Write detections as JSON (docs/formats.md), one image per line, numbers to 4 decimals; whole or not at all.
 
     `errors`: (path, message) of each file that failed. The same input gives the same bytes. Raises FormatError if a
-    position isn't finite, OutputError if the file can't be written.
+    position isn't finite, RcdnError for what is no ImageResult, OutputError if the file can't be written.
     """
+    for k, image in enumerate(images):
+        if not isinstance(image, ImageResult):
+            raise RcdnError(
+                f"images[{k}] must be an ImageResult(path, width, height, corners, boards), "
+                f"not {type(image).__name__}: a file names its pictures"
+            )
     write_lines(path, map(image_line, images), errors)
 
 

@@ -146,9 +146,8 @@ def colour_frames(path: str | Path) -> Iterator[tuple[str, Array]]:
         yield f"{path}#{count:06d}", frame
         frame, count = following, count + 1
     if count == 0:
-        raise ImageError(
-            f"{path}: the video can't be opened or holds no frame; convert it to MP4 (H.264) or AVI (MJPEG)"
-        )
+        fix = "the file was cut short; copy it again" if cut else "convert it to MP4 (H.264) or AVI (MJPEG)"
+        raise ImageError(f"{path}: the video can't be opened or holds no frame; {fix}")
 
 
 def _video(path: str) -> Iterator[Array]:

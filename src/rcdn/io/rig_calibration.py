@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from rcdn.errors import FormatError
 from rcdn.io.calibration import calibration_of, calibration_record, known, load_kind, reason_record, verdict_of
 from rcdn.io.cameras import ours
 from rcdn.io.fields import located, names_of, nullable, numbers, rigid, take
@@ -55,6 +56,8 @@ def read_rig_calibration(path: str | Path) -> RigCalibration:
     """
     data, where = load_kind(path, "rig"), str(path)
     records = [(f"{where}: cameras[{k}]", r) for k, r in enumerate(take(data, "cameras", list, where))]
+    if not any(isinstance(r, dict) and "views" in r for _, r in records):
+        raise FormatError(f"{where}: holds a rig without its views; write it with `rcdn calibrate --rig --json`")
     cameras = {take(r, "name", str, at): calibration_of(r, at) for at, r in records}
     shifts = {n: _shift(s, f"{where}: shifts[{n!r}]") for n, s in take(data, "shifts", dict, where).items()}
     with located(where):

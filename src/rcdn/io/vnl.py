@@ -77,14 +77,14 @@ def read_vnl_boards(
 ) -> list[ImageResult]:
     """Read a corners.vnl as boards, one ImageResult for each image, in the file's order.
 
-    The file contains neither the grid's `size` (columns, rows) nor the pictures' `image_size` (width, height). If
-    `size` is None, it is guessed from the corners, whose lines are straight for only one number of columns. If
-    `image_size` is None, the pictures are opened, relative to the current folder or to that of the file. Labels are
+    The file contains neither the grid's `size` (columns, rows, in either order) nor the pictures' `image_size` (width,
+    height). If `size` is None, it is guessed from the corners, whose lines are straight for only one number of columns.
+    If `image_size` is None, the pictures are opened, relative to the current folder or to that of the file. Labels are
     those of the file, starting from 0 in the visible part; if the labels are left-handed in every image, the rows are
     counted from the other end. A level above 0 (found at a lower resolution) gives the status `low_confidence`; a
     negative level or position means a missing corner. The file doesn't record the squares' colours, so `orientation` is
     ambiguous. Raises FormatError, naming file and image, for a grid that doesn't match or can't be guessed, for labels
-    that are mirrored in some images only, and for pictures that can't be opened.
+    that are mirrored in some images only, for corners outside of the pictures, and for pictures that can't be opened.
     """
     table = {name: _present(rows) for name, rows in read_vnl(path).items()}
     seen = {name: rows for name, rows in table.items() if np.isfinite(rows[:, 0]).any()}
@@ -94,8 +94,12 @@ def read_vnl_boards(
             raise FormatError(
                 f"{path}: {name} has {len(found)} rows, but the grid {cols}×{rows} has {cols * rows}; give its size"
             )
+    if size is not None:
+        cols, rows = _straight_size(path, list(seen.values()), size)
     grids = _right_handed(path, {name: found.reshape(rows, cols, 3) for name, found in seen.items()})
     sizes = {name: image_size or _size_of_picture(path, name) for name in table}
+    for name, grid in grids.items():
+        _check_inside(path, name, grid, sizes[name])
     return [_result(name, grids.get(name), sizes[name]) for name in table]
 
 
@@ -139,11 +143,35 @@ def _guess_size(path: str | Path, tables: list[Array]) -> tuple[int, int]:
     if not tables:
         return 2, 2
     many = len(tables[0])
-    guesses = [c for c in range(2, many // 2 + 1) if many % c == 0 and all(len(t) == many for t in tables)]
-    bends = sorted((_bend([t.reshape(many // c, c, 3)[..., :2] for t in tables]), c) for c in guesses)
+    bends = _bends(tables)
     if not bends or not np.isfinite(bends[0][0]) or (len(bends) > 1 and bends[1][0] < DECIDED * bends[0][0]):
         raise FormatError(f"{path}: the grid's size can't be told from its corners; give columns and rows (9x6)")
     return bends[0][1], many // bends[0][1]
+
+
+def _straight_size(path: str | Path, tables: list[Array], size: tuple[int, int]) -> tuple[int, int]:
+    """`size` (columns, rows), or the same in the other order if its lines are far straighter. Raises FormatError if
+    those of another grid are."""
+    if not tables:
+        return size
+    bends = {cols: bend for bend, cols in _bends(tables)}
+    straightest = min(bends, key=bends.__getitem__, default=size[0])
+    if straightest == size[0] or not DECIDED * bends[straightest] < bends.get(size[0], 0.0):
+        return size
+    if straightest == size[1]:
+        return size[1], size[0]
+    raise FormatError(
+        f"{path}: the lines of a grid of {size[0]}×{size[1]} corners are zigzags, those of "
+        f"{straightest}×{len(tables[0]) // straightest} straight; give the size of the board"
+    )
+
+
+def _bends(tables: list[Array]) -> list[tuple[float, int]]:
+    """How much the lines bend, px, and the number of columns, of each grid that so many corners may be of, the
+    straightest first."""
+    many = len(tables[0])
+    columns = [c for c in range(2, many // 2 + 1) if many % c == 0 and all(len(t) == many for t in tables)]
+    return sorted((_bend([t.reshape(many // c, c, 3)[..., :2] for t in tables]), c) for c in columns)
 
 
 def _bend(grids: list[Array]) -> float:
@@ -179,6 +207,17 @@ def _size_of_picture(path: str | Path, name: str) -> tuple[int, int]:
         except ImageError as error:
             reason = reason or str(error)
     raise FormatError(f"{path}: the size of a picture is not in the file, and {reason}; or give the image size")
+
+
+def _check_inside(path: str | Path, name: str, grid: Array, size: tuple[int, int]) -> None:
+    """Raise FormatError if a corner lies more than a pixel outside of its picture."""
+    far = (grid[..., :2] < -1.5) | (grid[..., :2] > np.array(size) + 0.5)
+    if far.any():
+        x, y = grid[far.any(axis=-1)][0, :2]
+        raise FormatError(
+            f"{path}: {name} has a corner at ({x:.0f}, {y:.0f}), outside of a picture of {size[0]}×{size[1]} px; "
+            "give the size that it had when the corners were found"
+        )
 
 
 def _result(name: str, grid: Array | None, image_size: tuple[int, int]) -> ImageResult:

@@ -1,4 +1,4 @@
-"""Output of a verb's results: on standard output, or on standard error if that is for JSON; none if quiet."""
+"""Output of a verb's results: on standard output, or on standard error if a file goes there; none if quiet."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _output = _Output()
 
 
 def begin(quiet: bool = False, outputs: Iterable[Path | None] = ()) -> None:
-    """Set the output of this run; `outputs`: the files that it will write, STDOUT among them if JSON goes there."""
+    """Set the output of this run; `outputs`: the files that it will write, STDOUT among them if one goes there."""
     _output.quiet, _output.piped = quiet, STDOUT in outputs
 
 

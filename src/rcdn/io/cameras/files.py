@@ -138,7 +138,7 @@ def _side(
     try:
         fit = lens_fit(path, camera, format)
         held = camera if fit is None else fit.held
-        text_of(kind, held)
+        text_of(kind, held, of_pair=True)
     except FormatError as error:
         raise FormatError(f"{name} camera: {error}") from error
     return held, fit

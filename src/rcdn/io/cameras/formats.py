@@ -64,13 +64,16 @@ def no_pair(title: str, use: str) -> FormatError:
     return FormatError(f"{title} has no place for the pose of a pair; {use} {one_of(pairs)}")
 
 
-def text_of(kind: Format, camera: Camera) -> str:
-    """The text of a file of one camera. Raises FormatError if the format can't hold it, listing those that can."""
+def text_of(kind: Format, camera: Camera, of_pair: bool = False) -> str:
+    """The text of a file of one camera. Raises FormatError if the format can't hold it, listing those that can;
+    `of_pair`: those that can hold a pair."""
     try:
         return kind.text(camera)
     except UnheldLensError as error:
         model = error.model
-        raise error.naming(names_of(lambda other: model in other.lenses)) from None
+        raise error.naming(
+            names_of(lambda other: model in other.lenses and not (of_pair and other.stereo is None))
+        ) from None
 
 
 def load(path: str | Path, format: CameraFormat | None) -> tuple[CameraFormat, Any]:

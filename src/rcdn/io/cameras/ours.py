@@ -73,6 +73,8 @@ def load(path: str, text: str) -> Any:
     """The data of a file. Raises FormatError if it isn't JSON of a version that can be read."""
     data = read_json(path, text, "write it with `rcdn calibrate --json`")
     version = data.get("version") if isinstance(data, dict) else None
+    if version is None:
+        raise FormatError(f"{path}: JSON, but not of rcdn; of OpenCV's FileStorage the YAML is read: save a .yaml")
     if version != VERSION:
         raise FormatError(
             f"{path}: version must be {VERSION}, not {shown(version)}; write it again with `rcdn calibrate --json`"

@@ -1,4 +1,5 @@
-"""ROS camera_info YAML, one camera per file; the relative pose of a pair is computed from the rectification of both."""
+"""ROS camera_info YAML, one camera per file, and CameraInfo messages as `ros2 topic echo` prints them; the relative
+pose of a pair is computed from the rectification of both."""
 
 from __future__ import annotations
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from rcdn.errors import FormatError, shown
 from rcdn.geometry.rigid import motion
-from rcdn.io.cameras.base import Format, coefficients, opencv_camera, pinhole_numbers, size_of, unheld
+from rcdn.io.cameras.base import Format, coefficients, one_of, opencv_camera, pinhole_numbers, size_of, unheld
 from rcdn.io.cameras.rig import Rectification, StereoCameras
 from rcdn.io.cameras.yaml_text import YAML, Matrix, block_matrix, load
 from rcdn.io.fields import numbers, take
@@ -17,7 +18,9 @@ from rcdn.types import Array, Camera
 
 TITLE = "ROS camera_info"
 _NAMES = {"pinhole": "plumb_bob", "brown": "plumb_bob", "rational": "rational_polynomial", "fisheye": "equidistant"}
-_LENGTHS = {"plumb_bob": (0, 4, 5), "rational_polynomial": (8,), "equidistant": (4,)}
+_MESSAGE = {"k": "camera_matrix", "d": "distortion_coefficients", "r": "rectification_matrix", "p": "projection_matrix"}
+"""fields of a message, in capitals in ROS 1, and the matrices of a file"""
+_LENGTHS = {"plumb_bob": (0, 4, 5), "rational_polynomial": (8, 12, 14), "equidistant": (4,)}
 
 
 def _file(camera: Camera, name: str, R: Array, P: Array) -> str:
@@ -51,12 +54,28 @@ def _stereo_texts(pair: StereoCameras) -> tuple[str, ...]:
     return left, _file(pair.right, "right", turns.R_right, turns.P_right)
 
 
+def _is_message(data: Any) -> bool:
+    names = {str(name).lower() for name in data} if isinstance(data, dict) else set()
+    return {"width", "height", "distortion_model", *_MESSAGE} <= names
+
+
+def _as_file(data: Any) -> Any:
+    """The data of a file; a message's in the form of a file's."""
+    if not _is_message(data):
+        return data
+    fields = {str(name).lower(): value for name, value in data.items()}
+    matrices = {name: {"data": fields[field]} for field, name in _MESSAGE.items()}
+    sides = {f"image_{side}": fields[side] for side in ("width", "height")}
+    return {**sides, "distortion_model": fields["distortion_model"], **matrices}
+
+
 def _matrix(data: Any, key: str, shape: tuple[int, int], path: str) -> Array:
     record = take(data, key, dict, path)
     return numbers(record, "data", f"{path}: {key}", finite=True, shape=(shape[0] * shape[1],)).reshape(shape)
 
 
 def _camera(data: Any, path: str) -> Camera:
+    data = _as_file(data)
     size = size_of(data, "image_width", "image_height", path)
     K = _matrix(data, "camera_matrix", (3, 3), path)
     record = take(data, "distortion_coefficients", dict, path)
@@ -66,13 +85,14 @@ def _camera(data: Any, path: str) -> Camera:
     if not isinstance(kind, str) or kind not in _LENGTHS:
         raise FormatError(f"{path}: 'distortion_model' must be one of {', '.join(_LENGTHS)}, not {shown(kind)}")
     if len(D) not in _LENGTHS[kind]:
-        raise FormatError(f"{where}: {kind} takes {_LENGTHS[kind][-1]} numbers, not {len(D)}")
+        raise FormatError(f"{where}: {kind} takes {one_of([*map(str, _LENGTHS[kind])])} numbers, not {len(D)}")
     return opencv_camera(path, K, D, size, fisheye=kind == "equidistant")
 
 
 def _stereo(files: Sequence[tuple[Any, str]]) -> StereoCameras:
     if len(files) != 2:
         raise FormatError(f"{files[0][1]}: {TITLE} holds one camera a file; give the right camera's, too")
+    files = [(_as_file(data), path) for data, path in files]
     left, right = (_camera(data, path) for data, path in files)
     R_left, R_right = (_matrix(data, "rectification_matrix", (3, 3), path) for data, path in files)
     P_left, P_right = (_matrix(data, "projection_matrix", (3, 4), path) for data, path in files)
@@ -90,9 +110,9 @@ def _stereo(files: Sequence[tuple[Any, str]]) -> StereoCameras:
 
 
 def _recognised(data: Any) -> bool:
-    """Whether the camera matrix is a plain mapping, where OpenCV's has a tag."""
+    """Whether the camera matrix is a plain mapping, where OpenCV's has a tag; or a message."""
     matrices = (value for key, value in data.items() if str(key).lower() == "camera_matrix")
-    return any(isinstance(value, dict) and not isinstance(value, Matrix) for value in matrices)
+    return _is_message(data) or any(isinstance(value, dict) and not isinstance(value, Matrix) for value in matrices)
 
 
 def _cameras(data: Any, path: str) -> dict[str, Camera]:

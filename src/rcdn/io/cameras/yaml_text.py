@@ -48,6 +48,7 @@ _Loader.add_constructor("tag:yaml.org,2002:opencv-matrix", _matrix)
 def load(path: str, text: str) -> Any:
     """The value of a YAML file, OpenCV's matrices as `Matrix`. Raises FormatError with the line of the error."""
     plain = re.sub(r"\A%YAML[: ]1\.\d[^\n]*\n", "", text)  # OpenCV's first line isn't valid YAML
+    plain = re.sub(r"\n---\s*\Z", "\n", plain)  # as ROS ends a message
     try:
         value = yaml.load(plain, _Loader)
     except (yaml.YAMLError, ValueError, TypeError, OverflowError, RecursionError) as error:
