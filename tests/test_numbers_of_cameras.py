@@ -67,3 +67,42 @@ def test_rigs_on_photographs(title):
             assert states(text, row[name])
     if len(lines) == 2:  # `auto` chose OpenCV's lens model
         assert of_set["rcdn"]["step_permille"] == of_set["rcdn, brown"]["step_permille"]
+
+
+@pytest.mark.parametrize("row", rows("trust"), ids=lambda r: f"{r['model']}, {r['boards']}")
+def test_simulated_deviations(row):
+    line = f"| `{row['model']}` | {row['boards']} | "
+    [found] = [text for text in CALIBRATION.splitlines() if text.startswith(line)]
+    *told, by_noise = found.removeprefix(line).strip(" |").split(" | ")
+    for cell, key in zip(told, ("within", "within2", "spread"), strict=True):
+        assert states(cell, row[key])
+    for cell, px in zip(by_noise.split(" / "), ("0.1", "0.3", "1"), strict=True):
+        assert states(cell, row[f"within at {px} px"])
+
+
+DETECTORS = ("auto", "opencv", "opencv-sb", "boofcv-size")
+COMMON = [r for r in rows("calibration") if r["on"] == "common" and r["fit"] and r["detector"] in DETECTORS]
+
+
+@pytest.mark.parametrize("row", COMMON, ids=lambda r: f"{r['set']}, {r['detector']}")
+def test_calibrations_from_the_corners_of_several_detectors(row):
+    page = (ROOT / "docs/calibration-results.md").read_text("utf-8")
+    name = "geometric mean" if row["set"] == "ALL" else row["set"]
+    told = cells(page, name)[-4:][DETECTORS.index(row["detector"])]
+    for cell, key in zip(told.split(" / "), ("fit", "pose", "folds"), strict=True):
+        assert cell == f"{row[key]:.4f}"
+
+
+def test_where_our_corners_give_the_lowest_error():
+    page = " ".join((ROOT / "docs/calibration-results.md").read_text("utf-8").split())
+    sets = {row["set"] for row in COMMON} - {"ALL"}
+    lowest = dict.fromkeys(("fit", "pose", "folds"), 0)
+    for name in sets:
+        own = {row["detector"]: row for row in COMMON if row["set"] == name}
+        for key in lowest:
+            lowest[key] += min(own, key=lambda d: own[d][key]) == "auto"
+    assert lowest["pose"] == lowest["folds"]
+    assert (
+        f"the lowest `fit` in {lowest['fit']} of {len(sets)} cameras, the lowest `pose` and the lowest `folds` in "
+        f"{lowest['pose']} each"
+    ) in page

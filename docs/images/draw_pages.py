@@ -107,6 +107,8 @@ def calibration_results() -> str:
         y = 40 + 17 * k
         parts.append(text(left - 8, y + 4, name.replace("ALL", "geometric mean"), "text-anchor='end' font-size='12'"))
         for other, colour in colours.items():
+            if other not in errors:  # it finds too few of this camera's boards
+                continue
             x = across(errors[other] / errors["auto"])
             parts.append(f"<circle cx='{x:.1f}' cy='{y}' r='4.5' fill='{colour}' fill-opacity='.8'/>")
     low = 40 + 17 * len(sets)
