@@ -58,8 +58,14 @@ def box(kind, content, length=None, wide=False):
     return struct.pack(">I4sQ" if wide else ">I4s", *((1, kind, length) if wide else (length, kind))) + content
 
 
-def riff(content, length=None):
-    return b"RIFF" + struct.pack("<I", len(content) if length is None else length) + content
+def chunk(kind, content, length=None):
+    length = len(content) if length is None else length
+    return kind + struct.pack("<I", length) + content + b"\0" * (len(content) % 2)
+
+
+def avi(frames, length=None, behind=b"", kind=b"AVI "):
+    movi = chunk(b"LIST", b"movi" + frames, length)
+    return chunk(b"RIFF", kind + chunk(b"LIST", b"hdrlabc") + movi + behind)
 
 
 @pytest.mark.parametrize(
@@ -70,11 +76,18 @@ def riff(content, length=None):
         (box(b"ftyp", b"isom") + box(b"mdat", b"12345", wide=True), False),
         (box(b"ftyp", b"isom") + box(b"mdat", b"12345", wide=True)[:-1], True),
         (box(b"ftyp", b"isom") + box(b"mdat", b"12345", length=0), False),  # to the end, wherever that is
-        (riff(b"AVI 12345"), False),  # without the byte that pads it
-        (riff(b"AVI 12345")[:-1], True),
-        (riff(b"AVI 123456") + riff(b"AVIX1234"), False),
-        (riff(b"AVI 123456") + riff(b"AVIX1234")[:-2], True),
-        (riff(b"AVI 123456", length=0), False),  # its writer was killed
+        (box(b"ftyp", b"isom") + box(b"mdat", b"12345") + box(b"free", b"123")[:-2], False),  # behind the frames
+        (box(b"ftyp", b"isom") + box(b"mdat", b"12345") + b"TAGTitle of it", False),
+        (b"YUV4MPEG2 W64 H48 and so on", False),
+        (avi(b"12345"), False),
+        (avi(b"12345")[:-1], False),  # without the byte that pads it
+        (avi(b"12345")[:-2], True),
+        (avi(b"123456", behind=chunk(b"idx1", b"1234"))[:-3], False),
+        (avi(b"123456", behind=chunk(b"idx1", b"1234"))[:-13], True),
+        (avi(b"123456") + avi(b"1234", kind=b"AVIX"), False),
+        (avi(b"123456") + avi(b"1234", kind=b"AVIX")[:-2], True),
+        (avi(b"123456", length=0), False),  # its writer was killed
+        (chunk(b"RIFF", avi(b"123456")[8:], length=500), False),  # RIFF's own length is often wrong
         (b"\x1aE\xdf\xa3 and what else Matroska holds", False),
         (b"", False),
     ],

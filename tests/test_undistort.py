@@ -277,7 +277,9 @@ def test_wrong_use_is_2(run):
     assert run("in/a.png", "in", "--out", "out").exit_code == 1
 
 
-@pytest.mark.parametrize(("dtype", "as_type"), [("float16", "float32"), (">u2", "uint16"), (">f4", "float32")])
+@pytest.mark.parametrize(
+    ("dtype", "as_type"), [("float16", "float32"), (">f2", "float32"), (">u2", "uint16"), (">f4", "float32")]
+)
 def test_depths_that_opencv_does_not_resample_are_taken_as_those_that_it_does(dtype, as_type):
     image = np.random.default_rng(0).integers(0, 200, SIZE[::-1]).astype(dtype)
     assert np.array_equal(BARREL.undistort(image), BARREL.undistort(image.astype(as_type)))

@@ -99,8 +99,21 @@ def test_columns_and_rows_may_be_given_the_other_way_round(tmp_path, size):
 
 def test_a_size_whose_lines_are_zigzags_is_refused(tmp_path):
     write_vnl(tmp_path / "c.vnl", [result("a.png", tilted(9, 6))], (9, 6))
-    with pytest.raises(FormatError, match="18×3 corners are zigzags, those of 9×6 straight"):
+    with pytest.raises(FormatError, match="18×3 corners are zigzags; give"):
         read_vnl_boards(tmp_path / "c.vnl", (18, 3), SIZE)
+
+
+@pytest.mark.parametrize(("size", "seen"), [((6, 4), (3, 2)), ((10, 7), (3, 2)), ((9, 6), (4, 1)), ((8, 6), (5, 2))])
+@pytest.mark.parametrize("seed", range(4))
+def test_few_corners_do_not_refute_a_given_size(tmp_path, size, seen, seed):
+    hidden = {(i, j) for i in range(size[0]) for j in range(size[1]) if i >= seen[0] or j >= seen[1]}
+    board = tilted(*size, hidden - {(size[0] - 1, size[1] - 1)}, seed=seed)
+    write_vnl(tmp_path / "c.vnl", [result("a.png", board)], size)
+    lines = [t for t in (tmp_path / "c.vnl").read_text().splitlines() if t.startswith("a.png")]
+    last = "a.png - - -" if seen[1] > 1 else lines[-1]
+    (tmp_path / "c.vnl").write_text("\n".join([*lines[:-1], last]) + "\n")
+    (found,) = read_vnl_boards(tmp_path / "c.vnl", size, SIZE)[0].boards
+    assert {tuple(c) for c in found.ij.tolist()} >= {(i, j) for i in range(seen[0]) for j in range(seen[1])}
 
 
 def test_corners_outside_of_the_picture_are_refused(tmp_path):

@@ -65,7 +65,8 @@ def _pixels(image: Any) -> Array:
     if getattr(image, "mode", None) in _CONVERTED and hasattr(image, "convert"):
         image = image.convert(_CONVERTED[image.mode])
     pixels = np.asarray(image)
-    dtype = np.dtype(np.float32) if pixels.dtype == np.float16 else pixels.dtype.newbyteorder("=")
+    dtype = pixels.dtype.newbyteorder("=")
+    dtype = np.dtype(np.float32) if dtype == np.float16 else dtype
     if pixels.ndim not in (2, 3) or dtype not in (np.uint8, np.uint16, np.float32, np.float64) or not pixels.size:
         what = f"{pixels.dtype} {pixels.shape}"
         raise ImageError(f"image must be (H, W) or (H, W, channels), uint8, uint16 or float, and not empty, not {what}")

@@ -1,10 +1,13 @@
 """Corners of a known board, fitted again: errors against truth and against the Cramér–Rao bound,
 honest sigmas, failures."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from sharp_scene import SIZE, board_of, bound, example, scene
 
+from rcdn import precision
 from rcdn.precision import sharpen
 from rcdn.synthetic import Bend, Cover, Light, render, truth
 
@@ -185,3 +188,20 @@ def test_a_board_whose_map_folds_stays_as_it_was(monkeypatch):
 
     monkeypatch.setattr("rcdn.precision.fit_corners", folds)
     assert sharpen(grey, board) is board
+
+
+@pytest.mark.parametrize(("steps", "row"), [((0.31, 0.1), 2), ((0.1, 0.1), 0), ((0.1, 0.1, 0.1), 0)])
+@pytest.mark.parametrize("seed", range(4))
+def test_neighbours_that_go_astray_together_are_told_by_where_they_were(seed, steps, row, monkeypatch):
+    """Fits of neighbours that run off the same way, each of which makes the others' plausible; the first of them may be
+    so far off that it is refused anyway."""
+    grey, board, xy = example(seed, jitter=0.02, noise=2)
+    some = [int(np.flatnonzero((board.ij == [3 + k, row]).all(axis=1))[0]) for k in range(len(steps))]
+    along = xy[some[1]] - xy[some[0]]
+    fits = precision.fit_corners(grey, board.ij, board.xy)
+    moved = fits.xy.copy()
+    moved[some] += np.multiply.outer(steps, along)
+    monkeypatch.setattr(precision, "fit_corners", lambda *_: replace(fits, xy=moved))
+    sharp = sharpen(grey, board, geometry=False)
+    assert np.hypot(*(sharp.xy - xy).T).max() < 0.15
+    assert (sharp.sigma[some] > 5 * np.median(sharp.sigma)).all()

@@ -71,7 +71,7 @@ def _check_ending(path: Path, format: CameraFormat, rig: bool) -> None:
 
     own = (".json",) if rig and format == "colmap" else FORMATS[format].endings
     if path.suffix.lower() in ENDINGS.difference(own):
-        fix = f"end it with {' or '.join(own)}, or say no format"
+        fix = f"end it with {' or '.join(own)}"
         raise FormatError(f"{path}: the name ends as no {format} file does; {fix}")
 
 

@@ -120,7 +120,7 @@ def format_of(path: Path, name: str | None = None, fix: str = "end the name with
     ending = path.suffix.lower().removeprefix(".")
     known = FORMATS.get(name or ending)
     if name and name != ending and ending in FORMATS:
-        raise FormatError(f"{path}: the name ends as no {name} file does; end it with .{name}, or say no format")
+        raise FormatError(f"{path}: the name ends as no {name} file does; end it with .{name}")
     if known is None:
         *most, last = FORMATS
         raise FormatError(f"{path}: detections are written as {', '.join(most)} or {last}; {fix}")

@@ -21,6 +21,9 @@ from rcdn.types.ranges import POSITION
 DECIDED = 3.0
 """The best guess of the number of columns is accepted if its lines are at least this many times straighter than those
 of any other guess."""
+ZIGZAG, ENOUGH = 0.55, 4
+"""Second differences along the lines of a grid, × the first ones, above which its lines are zigzags (tilted boards have
+up to .3, grids with another number of columns .8 and more), and the least number of either that tells."""
 
 
 def write_vnl(
@@ -84,7 +87,8 @@ def read_vnl_boards(
     counted from the other end. A level above 0 (found at a lower resolution) gives the status `low_confidence`; a
     negative level or position means a missing corner. The file doesn't record the squares' colours, so `orientation` is
     ambiguous. Raises FormatError, naming file and image, for a grid that doesn't match or can't be guessed, for labels
-    that are mirrored in some images only, for corners outside of the pictures, and for pictures that can't be opened.
+    that are mirrored in some images only, for corners beyond the right or lower border of the pictures, and for
+    pictures that can't be opened.
     """
     table = {name: _present(rows) for name, rows in read_vnl(path).items()}
     seen = {name: rows for name, rows in table.items() if np.isfinite(rows[:, 0]).any()}
@@ -143,35 +147,35 @@ def _guess_size(path: str | Path, tables: list[Array]) -> tuple[int, int]:
     if not tables:
         return 2, 2
     many = len(tables[0])
-    bends = _bends(tables)
+    guesses = [c for c in range(2, many // 2 + 1) if many % c == 0 and all(len(t) == many for t in tables)]
+    bends = sorted((_bend([t.reshape(many // c, c, 3)[..., :2] for t in tables]), c) for c in guesses)
     if not bends or not np.isfinite(bends[0][0]) or (len(bends) > 1 and bends[1][0] < DECIDED * bends[0][0]):
         raise FormatError(f"{path}: the grid's size can't be told from its corners; give columns and rows (9x6)")
     return bends[0][1], many // bends[0][1]
 
 
 def _straight_size(path: str | Path, tables: list[Array], size: tuple[int, int]) -> tuple[int, int]:
-    """`size` (columns, rows), or the same in the other order if its lines are far straighter. Raises FormatError if
-    those of another grid are."""
-    if not tables:
+    """`size` (columns, rows), or the same in the other order if only its lines are straight. Raises FormatError if
+    those of neither are."""
+    if not _zigzags(tables, size):
         return size
-    bends = {cols: bend for bend, cols in _bends(tables)}
-    straightest = min(bends, key=bends.__getitem__, default=size[0])
-    if straightest == size[0] or not DECIDED * bends[straightest] < bends.get(size[0], 0.0):
-        return size
-    if straightest == size[1]:
+    if not _zigzags(tables, size[::-1]):
         return size[1], size[0]
-    raise FormatError(
-        f"{path}: the lines of a grid of {size[0]}×{size[1]} corners are zigzags, those of "
-        f"{straightest}×{len(tables[0]) // straightest} straight; give the size of the board"
-    )
+    raise FormatError(f"{path}: the lines of a grid of {size[0]}×{size[1]} corners are zigzags; give the board's size")
 
 
-def _bends(tables: list[Array]) -> list[tuple[float, int]]:
-    """How much the lines bend, px, and the number of columns, of each grid that so many corners may be of, the
-    straightest first."""
-    many = len(tables[0])
-    columns = [c for c in range(2, many // 2 + 1) if many % c == 0 and all(len(t) == many for t in tables)]
-    return sorted((_bend([t.reshape(many // c, c, 3)[..., :2] for t in tables]), c) for c in columns)
+def _zigzags(tables: list[Array], size: tuple[int, int]) -> bool:
+    """Whether the rows and columns of grids of `size` (columns, rows) go to and fro: their second differences are as
+    large as the first ones. False where too few corners tell."""
+    cols, rows = size
+    grids = [t.reshape(rows, cols, 3)[..., :2] for t in tables]
+    steps = np.concatenate([np.diff(grid, axis=axis).reshape(-1, 2) for grid in grids for axis in (0, 1)])
+    bends = np.concatenate([np.diff(grid, 2, axis=axis).reshape(-1, 2) for grid in grids for axis in (0, 1)])
+    lengths = [np.linalg.norm(each[np.isfinite(each).all(axis=1)], axis=1) for each in (steps, bends)]
+    if min(map(len, lengths)) < ENOUGH:
+        return False
+    step, bend = (float(np.sqrt((each**2).mean())) for each in lengths)
+    return bend > step * ZIGZAG
 
 
 def _bend(grids: list[Array]) -> float:
@@ -210,8 +214,8 @@ def _size_of_picture(path: str | Path, name: str) -> tuple[int, int]:
 
 
 def _check_inside(path: str | Path, name: str, grid: Array, size: tuple[int, int]) -> None:
-    """Raise FormatError if a corner lies more than a pixel outside of its picture."""
-    far = (grid[..., :2] < -1.5) | (grid[..., :2] > np.array(size) + 0.5)
+    """Raise FormatError if a corner lies more than a pixel beyond the right or the lower border of its picture."""
+    far = grid[..., :2] > np.array(size) + 0.5  # those beyond the left and the upper border count as missing
     if far.any():
         x, y = grid[far.any(axis=-1)][0, :2]
         raise FormatError(

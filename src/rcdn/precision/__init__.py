@@ -28,8 +28,9 @@ NOISY = 9.0
 """largest residual variance, × the board's median"""
 KEPT = 0.5
 """least share of a corner's pixels that must agree with the model"""
-ASTRAY = (1.2, 0.02)
-"""largest distance of a fitted corner from its neighbours' prediction: × the distance before the fit, + squares"""
+FURTHER, ASTRAY, TOGETHER = 1.2, 0.02, 0.05
+"""largest distance of a fitted corner from its neighbours' prediction: × the distance before the fit, + squares, of
+fitted neighbours and of those before the fit"""
 DOUBTFUL = 3.0
 """least standard deviation of a corner whose fit failed, × the board's median"""
 
@@ -76,13 +77,17 @@ def _good(board: Board, fit: Fit, plane: Array | None) -> Bool[Array, " m"]:
     good &= (move < FAR * pitch) | (board.status == Status.SEED) & (move < 2 * FAR * pitch)
     good &= contrast * np.sign(typical) > max(FAINT * abs(typical), NOTHING)
     good &= fit.variance < NOISY * median(fit.variance)
-    return good & ~_astray(board, fit, plane)
+    return good & ~_astray(board, fit, good, plane)
 
 
-def _astray(board: Board, fit: Fit, plane: Array | None) -> Bool[Array, " m"]:
+def _astray(board: Board, fit: Fit, good: Bool[Array, " m"], plane: Array | None) -> Bool[Array, " m"]:
     """(M,) bool: outliers, whose fit lies further from the position predicted by the neighbours than the corner did
-    before."""
-    xy = np.where(np.isfinite(fit.xy), fit.xy, board.xy)
-    alone, every = lattice(board.ij, xy, 0.0, plane), np.arange(len(xy))
-    after, before = (np.linalg.norm(alone(every, at), axis=1) for at in (xy, board.xy))
-    return np.asarray(after > ASTRAY[0] * before + ASTRAY[1])
+    before. Neighbours are taken where their `good` fits are, and, since some of them may err together, where they
+    were."""
+    fitted = np.where(good[:, None], fit.xy, board.xy)
+    every, out = np.arange(len(fitted)), np.zeros(len(fitted), bool)
+    for xy, slack in ((fitted, ASTRAY), (board.xy, TOGETHER)):
+        alone = lattice(board.ij, xy, 0.0, plane)
+        after, before = (np.linalg.norm(alone(every, at), axis=1) for at in (fitted, board.xy))
+        out |= after > FURTHER * before + slack
+    return out

@@ -1,4 +1,4 @@
-"""ROS camera_info YAML, one camera per file, and CameraInfo messages as `ros2 topic echo` prints them; the relative
+"""ROS camera_info YAML, one camera per file, and CameraInfo messages as `ros2 topic echo --once` prints; the relative
 pose of a pair is computed from the rectification of both."""
 
 from __future__ import annotations
