@@ -140,6 +140,13 @@ def test_detections_without_a_picture_s_name_are_refused(tmp_path):
         write_detections(tmp_path / "a.json", [nothing])
 
 
+def test_images_may_come_one_by_one(tmp_path):
+    images = [result("a.png", board(3, 3)), result("b.png")]
+    write_detections(tmp_path / "a.json", images)
+    write_detections(tmp_path / "b.json", iter(images))
+    assert (tmp_path / "b.json").read_bytes() == (tmp_path / "a.json").read_bytes()
+
+
 def test_a_position_must_be_finite_and_a_board_of_its_image(tmp_path):
     bad = ImageResult("a", *SIZE, Corners([[np.nan, 1]], [1], [0]), ())
     with pytest.raises(FormatError, match="not finite"):

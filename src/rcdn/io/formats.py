@@ -56,13 +56,18 @@ def write_detections(path: str | Path, images: Sequence[ImageResult], errors: Se
     `errors`: (path, message) of each file that failed. The same input gives the same bytes. Raises FormatError if a
     position isn't finite, RcdnError for what is no ImageResult, OutputError if the file can't be written.
     """
+    write_lines(path, map(image_line, _named(images)), errors)
+
+
+def _named(images: Iterable[ImageResult]) -> Iterator[ImageResult]:
+    """The `images`; raises RcdnError for one that is no ImageResult, which has the name of its picture."""
     for k, image in enumerate(images):
         if not isinstance(image, ImageResult):
             raise RcdnError(
                 f"images[{k}] must be an ImageResult(path, width, height, corners, boards), "
                 f"not {type(image).__name__}: a file names its pictures"
             )
-    write_lines(path, map(image_line, images), errors)
+        yield image
 
 
 def write_lines(path: str | Path, lines: Iterable[str], errors: Iterable[tuple[str, str]] = ()) -> None:

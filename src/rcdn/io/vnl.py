@@ -148,7 +148,7 @@ def _guess_size(path: str | Path, tables: list[Array]) -> tuple[int, int]:
         return 2, 2
     many = len(tables[0])
     guesses = [c for c in range(2, many // 2 + 1) if many % c == 0 and all(len(t) == many for t in tables)]
-    bends = sorted((_bend([t.reshape(many // c, c, 3)[..., :2] for t in tables]), c) for c in guesses)
+    bends = sorted((_differences([t.reshape(many // c, c, 3)[..., :2] for t in tables], 2)[1], c) for c in guesses)
     if not bends or not np.isfinite(bends[0][0]) or (len(bends) > 1 and bends[1][0] < DECIDED * bends[0][0]):
         raise FormatError(f"{path}: the grid's size can't be told from its corners; give columns and rows (9x6)")
     return bends[0][1], many // bends[0][1]
@@ -169,21 +169,16 @@ def _zigzags(tables: list[Array], size: tuple[int, int]) -> bool:
     large as the first ones. False where too few corners tell."""
     cols, rows = size
     grids = [t.reshape(rows, cols, 3)[..., :2] for t in tables]
-    steps = np.concatenate([np.diff(grid, axis=axis).reshape(-1, 2) for grid in grids for axis in (0, 1)])
-    bends = np.concatenate([np.diff(grid, 2, axis=axis).reshape(-1, 2) for grid in grids for axis in (0, 1)])
-    lengths = [np.linalg.norm(each[np.isfinite(each).all(axis=1)], axis=1) for each in (steps, bends)]
-    if min(map(len, lengths)) < ENOUGH:
-        return False
-    step, bend = (float(np.sqrt((each**2).mean())) for each in lengths)
-    return bend > step * ZIGZAG
+    (few, step), (fewer, bend) = (_differences(grids, order) for order in (1, 2))
+    return min(few, fewer) >= ENOUGH and bend > step * ZIGZAG
 
 
-def _bend(grids: list[Array]) -> float:
-    """Root mean square second difference along rows and columns of grids (rows, columns, 2), px; infinite if there is
-    none."""
-    bends = np.concatenate([np.diff(grid, 2, axis=axis).reshape(-1, 2) for grid in grids for axis in (0, 1)])
-    bends = bends[np.isfinite(bends).all(axis=1)]
-    return float(np.sqrt((bends**2).sum(axis=1).mean())) if len(bends) else np.inf
+def _differences(grids: list[Array], order: int) -> tuple[int, float]:
+    """The number of differences of this order along rows and columns of grids (rows, columns, 2), and their root mean
+    square, px; infinite if there is none."""
+    every = np.concatenate([np.diff(grid, order, axis=axis).reshape(-1, 2) for grid in grids for axis in (0, 1)])
+    every = every[np.isfinite(every).all(axis=1)]
+    return len(every), float(np.sqrt((every**2).sum(axis=1).mean())) if len(every) else np.inf
 
 
 def _right_handed(path: str | Path, grids: dict[str, Array]) -> dict[str, Array]:
