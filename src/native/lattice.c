@@ -4,6 +4,8 @@
 
 enum { NEAR = 32, FURTHEST_NEAR = 2 };
 CONSTANTS(lattice, TERMS)
+/* Spread of positions across a line, share of that along it, both squared, below which they are on it: rounding. */
+#define STRAIGHT 1e-9
 
 /* Squares (2) at the pixel x, y by the homography `flat` (3, 3). */
 INLINE void rectify(const double *flat, double x, double y, double *out) {
@@ -69,10 +71,47 @@ INLINE int is_far(index_t n, index_t side) {
     return i > 1 || i < -1 || j > 1 || j < -1;
 }
 
+/* Whether the positions (i, j) with a weight lie on one line. */
+INLINE int on_a_line(const double *weight, const double *i, const double *j) {
+    double w = 0, i1 = 0, j1 = 0, ii = 0, ij = 0, jj = 0;
+    for (index_t n = 0; n < NEAR; n++) {
+        const double a = weight[n] * i[n], b = weight[n] * j[n];
+        w += weight[n], i1 += a, j1 += b, ii += a * i[n], ij += a * j[n], jj += b * j[n];
+    }
+    if (w <= 0)
+        return 1;
+    ii -= i1 * i1 / w, ij -= i1 * j1 / w, jj -= j1 * j1 / w;
+    return ii * jj - ij * ij <= STRAIGHT * (ii + jj) * (ii + jj);
+}
+
+/* terms (TERMS, 2) of the similarity that takes (s, t) to (i, j), by weighted least squares; a shift if there is but
+ * one point, the identity if there is none. */
+INLINE void similarity(const double *weight, const double *s, const double *t, const double *i, const double *j,
+                       double *terms) {
+    double w = 0, mean[4] = {0}, along = 0, across = 0, square = 0;
+    for (index_t n = 0; n < NEAR; n++) {
+        const double point[4] = {s[n], t[n], i[n], j[n]};
+        w += weight[n];
+        for (int k = 0; k < 4; k++)
+            mean[k] += weight[n] * point[k];
+    }
+    for (int k = 0; k < 4; k++)
+        mean[k] /= w > 0 ? w : 1;
+    for (index_t n = 0; n < NEAR; n++) {
+        const double x = s[n] - mean[0], y = t[n] - mean[1], u = i[n] - mean[2], v = j[n] - mean[3];
+        along += weight[n] * (x * u + y * v), across += weight[n] * (x * v - y * u);
+        square += weight[n] * (x * x + y * y);
+    }
+    const double a = square > 0 ? along / square : 1, b = square > 0 ? across / square : 0;
+    const double out[2 * TERMS] = {
+        mean[2] - a * mean[0] + b * mean[1], mean[3] - b * mean[0] - a * mean[1], a, b, -b, a};
+    memcpy(terms, out, sizeof out);
+}
+
 /* origin (count, 2): xy (count, 2) mapped to squares by `flat`; terms (count, TERMS, 2): quadratics for the positions
  * on the board, `plane` (count, 2), around each corner, by least squares over `near` (count, side²), up to `reach`
- * squares away. own, far: weights of the corner itself and of those two squares away; stiff (TERMS): weight of a prior
- * at 0. */
+ * squares away; similarities where these are on one line. own, far: weights of the corner itself and of those two
+ * squares away; stiff (TERMS): weight of a prior at 0. */
 FAST_KERNEL(rcdn_lattice, (SIZE, count, xy, 0), (IN, double, plane, count, 2), (IN, double, xy, count, 2),
             (IN, double, flat, 3, 3), (INT, reach, 0, FURTHEST_NEAR), (LET, side, 2 * reach + 1),
             (WITHIN, int32_t, near, -1, count - 1, count, side *side), (REAL, own), (REAL, far),
@@ -90,6 +129,10 @@ FAST_KERNEL(rcdn_lattice, (SIZE, count, xy, 0), (IN, double, plane, count, 2), (
             s[n] = origin[2 * at] - origin[2 * k];
             t[n] = origin[2 * at + 1] - origin[2 * k + 1];
             weight[n] = at == k ? own : is_far(n, side) ? far : 1;
+        }
+        if (on_a_line(weight, i, j)) {
+            similarity(weight, s, t, i, j, terms + 2 * TERMS * k);
+            continue;
         }
         moments(weight, s, t, i, j, normal, terms + 2 * TERMS * k);
         for (index_t a = 0; a < TERMS; a++)

@@ -53,6 +53,37 @@ def test_quadratics_are_the_least_squares_of_the_neighbours(own):
         np.testing.assert_allclose(maps.terms[k], np.linalg.lstsq(rows, right, rcond=None)[0], atol=1e-7)
 
 
+@pytest.mark.parametrize("size", [1, 2, 3])
+@pytest.mark.parametrize("own", [0.0, 1.0])
+def test_a_corner_whose_neighbours_lie_on_one_line_gets_their_similarity(size, own):
+    """A tail of corners on the end of a board, whose rectified squares are 1.1 wide, and turned."""
+    body, tail = labels(), np.stack([10 + np.arange(4 + size), np.full(4 + size, 2)], axis=1)
+    ij = np.concatenate([body, tail])
+    maps = lattice(ij, bent(ij, size=0.1), own=own)
+    for k in range(len(body) + 4, len(ij)):
+        step = ij - ij[k]
+        distance = np.abs(step).max(axis=1)
+        weight = np.where(distance > 2, 0, np.where(distance > 1, FAR, np.where(distance == 0, own, 1.0)))
+        near = weight > 0
+        assert (step[near][:, 1] == 0).all()
+        s, t = (maps.origin[near] - maps.origin[k]).T
+        one, zero = s**0, 0 * s
+        basis = np.concatenate([np.stack([one, zero, s, -t], axis=1), np.stack([zero, one, t, s], axis=1)])
+        root = np.sqrt(np.tile(weight[near], 2))
+        found = np.linalg.lstsq(root[:, None] * basis, root * step[near].T.ravel(), rcond=None)[0]
+        u, v, a, b = found
+        expected = np.array([[u, v], [a, b], [-b, a], [0, 0], [0, 0], [0, 0]])
+        np.testing.assert_allclose(maps.terms[k], expected, atol=1e-9)
+        assert abs(np.linalg.det(maps.terms[k][1:3]) - 1) < 0.2
+
+
+def test_a_corner_without_neighbours_keeps_the_homography():
+    ij = np.concatenate([labels(), [[14, 0]]])
+    for own in (0.0, 1.0):
+        maps = lattice(ij, bent(ij, size=0.0), own=own)
+        np.testing.assert_allclose(maps.terms[-1], [[0, 0], [1, 0], [0, 1], [0, 0], [0, 0], [0, 0]], atol=1e-9)
+
+
 def test_pixels_undo_coordinates_and_slopes_are_their_derivatives():
     ij = labels()
     maps, which = lattice(ij, bent(ij)), np.random.default_rng(3).permutation(len(ij))

@@ -125,6 +125,26 @@ def test_a_covered_corner_stays_and_says_so():
     assert np.hypot(*(sharp.xy - xy)[others & near].T).max() < 0.04
 
 
+@pytest.mark.parametrize("corner", [13, 22, 40])
+@pytest.mark.parametrize("seed", [3, 4])
+def test_the_board_says_where_a_covered_corner_is(corner, seed):
+    grey, board, xy = covered(seed, corner, 9)
+    wrong = np.where(np.arange(len(board))[:, None] == corner, board.xy + np.array([2.5, -1.5]), board.xy)
+    sharp = sharpen(grey, board_of(wrong, board.ij))
+    assert np.linalg.norm(sharp.xy[corner] - xy[corner]) < 0.03
+    assert sharp.sigma[corner] < 0.05
+
+
+@pytest.mark.parametrize("tail", [1, 2, 3])
+def test_a_row_that_hangs_on_the_board_by_its_end_is_fitted_with_it(tail):
+    """Corners whose neighbours lie on one line: what is left of a row behind a cover."""
+    grey, board, xy = example(7, noise=2)
+    keep = (board.ij[:, 0] < 9 - tail) | (board.ij[:, 1] == 3)
+    sharp = sharpen(grey, board_of(board.xy[keep], board.ij[keep]))
+    assert np.hypot(*(sharp.xy - xy[keep]).T).max() < 0.03
+    assert (sharp.sigma < 0.03).all()
+
+
 def test_a_half_covered_corner_is_less_certain():
     spec = scene(5)
     at = truth(spec)[0].xy[30]

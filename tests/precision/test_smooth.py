@@ -96,6 +96,47 @@ def test_corners_that_are_not_trusted_and_small_boards_stay():
     assert np.array_equal(post, cov[small])
 
 
+@pytest.mark.parametrize("wrong", [0.0, 30.0])
+def test_a_covered_corner_gets_what_the_board_predicts(wrong):
+    """Whether it isn't trusted or is an outlier; where it lies has no say."""
+    ij, xy = flat()
+    bad = np.isin(np.arange(len(ij)), (0, 22, 23))
+    trusted = np.arange(len(ij)) != 22
+    off, scaled = [], []
+    for seed in range(12):
+        seen, cov = measured(xy, seed)
+        seen[23] += 2.0
+        seen[[0, 22]] += wrong
+        cov[[0, 22]] = 25 * np.eye(2)
+        moved, post = smooth(ij, seen, cov, trusted, covered=bad)
+        off.append((moved - xy)[bad])
+        scaled.append(off[-1] / np.sqrt(post[bad, 0, 0])[:, None])
+    assert rms(np.concatenate(off)) < SIGMA
+    assert 0.6 < rms(np.concatenate(scaled)) < 1.2
+
+
+def test_a_covered_corner_that_knows_better_stays():
+    """A corner far outside, of which the board knows little."""
+    ij, xy = flat()
+    ij, xy = np.concatenate([ij, [[30, 3]]]), np.concatenate([xy, apply_homography(H, np.array([[30.0, 3.0]]))])
+    seen, cov = measured(xy, 1)
+    last = np.arange(len(ij)) == len(ij) - 1
+    moved, post = smooth(ij, seen, cov, ~last, covered=last)
+    assert np.array_equal(moved[last], seen[last])
+    assert np.array_equal(post[last], cov[last])
+
+
+@pytest.mark.parametrize(("count", "stay"), [(6, False), (30, True)])
+def test_a_board_with_many_outliers_predicts_nothing(count, stay):
+    ij, xy = flat(16, 12)
+    seen, cov = measured(xy, 2)
+    some = np.random.default_rng(3).permutation(len(ij)) < count
+    seen[some] += np.random.default_rng(4).choice([-3.0, 3.0], (count, 2))
+    moved, _ = smooth(ij, seen, cov, np.ones(len(ij), bool), covered=some)
+    assert (np.hypot(*(moved - seen)[some].T) < 0.1).mean() == stay
+    assert (np.hypot(*(moved - xy)[some].T) < 0.1).mean() == (not stay)
+
+
 def board_of_all(seed, cols=9, rows=6):
     """A sheet with uneven and slanted errors, and dense matrices of what its kernels reckon with:
     design (2N, D), errors (2N, 2N)."""

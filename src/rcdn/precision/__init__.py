@@ -28,6 +28,8 @@ NOISY = 9.0
 """largest residual variance, × the board's median"""
 KEPT = 0.5
 """least share of a corner's pixels that must agree with the model"""
+COVERED = 0.9
+"""share of a corner's pixels that agree with the model, × the board's median, below which something covers it"""
 FURTHER, ASTRAY, TOGETHER = 1.2, 0.02, 0.05
 """largest distance of a fitted corner from its neighbours' prediction: × the distance before the fit, + squares, of
 fitted neighbours and of those before the fit"""
@@ -42,7 +44,8 @@ def sharpen(
 
     `grey` (H, W), 0..255; `geometry`: the positions are also estimated from the smoothness of the board; `around`: what
     is printed besides squares. No corner is added, dropped or relabelled. A corner whose fit fails keeps its position,
-    with a larger sigma.
+    with a larger sigma; if something covers it in part, it gets the position that the board predicts by its `geometry`,
+    where that is more certain.
     """
     if len(board) < 4 or np.ptp(board.ij, axis=0).min() < 1:
         return board
@@ -58,7 +61,8 @@ def sharpen(
     lost = np.maximum(DOUBTFUL * median(_sigma(fit.cov)[good]), np.linalg.norm(fit.xy - board.xy, axis=1) / np.sqrt(2))
     cov = np.where(good[:, None, None], fit.cov, (np.nan_to_num(lost, nan=1.0) ** 2)[:, None, None] * np.eye(2))
     if geometry:
-        xy, cov = smooth(board.ij, xy, cov, good, None if around is None else around.plane_of(xy))
+        covered = fit.kept < COVERED * median(fit.kept)
+        xy, cov = smooth(board.ij, xy, cov, good, None if around is None else around.plane_of(xy), covered)
     return replace(board, xy=xy, sigma=_sigma(cov))
 
 

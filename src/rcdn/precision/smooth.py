@@ -35,6 +35,8 @@ FREE = 1e3
 """standard deviation of the homography's parameters, × the median uncertainty"""
 MISFIT = 3.5
 """distance from the smooth board, in standard deviations, beyond which a corner is an outlier"""
+UNLIKE = 0.1
+"""largest share of outliers with which positions are predicted"""
 
 HOMOGRAPHY = constants("smooth")["FREE"]
 """parameters of a homography"""
@@ -138,36 +140,45 @@ def smooth(
     cov: Real[Array, "n 2 2"],
     trusted: Bool[Array, " n"],
     plane: Real[Array, "n 2"] | None = None,
+    covered: Bool[Array, " n"] | None = None,
 ) -> tuple[Array, Array]:
     """Posterior positions (N, 2) px and covariances (N, 2, 2) px² of a board's corners.
 
     `ij` (N, 2) labels; `plane` (N, 2): positions of the corners on the board, squares (None: their labels); `xy` (N, 2)
     px with independent errors of covariance `cov` (N, 2, 2) px². Only `trusted` (N,) corners that are no outliers take
-    part; all others keep their positions, and outliers get a larger covariance. If the board is too small, positions
-    and covariances are returned unchanged. Raises LinAlgError where a covariance is not positive definite.
+    part; all others keep their positions, and outliers get a larger covariance. But those that are `covered` (N,), None
+    for none, get the position that the board predicts where it is more certain, unless too many are outliers: then
+    the board isn't smooth. If the board is too small, positions and covariances are returned unchanged. Raises
+    LinAlgError where a covariance is not positive definite.
     """
     use, spread = trusted.copy(), cov.copy()
     for again in (True, False):
         lines = [len(set(ij[use, k].tolist())) for k in (0, 1)]
         if use.sum() < LEAST_CORNERS or min(lines) < LEAST_LINES:
             return xy, cov
-        flat, known, off, beyond = _posterior(ij[use], xy[use], cov[use], None if plane is None else plane[use])
-        alien = beyond > 2 * MISFIT * MISFIT
-        if not alien.any() or not again:
+        settled, known, off, beyond = _posterior(ij, xy, cov, use, plane)
+        alien = np.flatnonzero(use & (beyond > 2 * MISFIT * MISFIT))
+        if not len(alien) or not again:
             break
-        out = np.flatnonzero(use)[alien]
-        spread[out] += (np.linalg.norm(off[alien], axis=1) ** 2 / 4)[:, None, None] * np.eye(2)
-        use[out] = False
-    moved = xy.copy()
-    moved[use], spread[use] = flat, known
-    return moved, spread
+        spread[alien] += (np.linalg.norm(off[alien], axis=1) ** 2 / 4)[:, None, None] * np.eye(2)
+        use[alien] = False
+    better = use.copy()
+    if covered is not None and (trusted & ~use).sum() <= UNLIKE * trusted.sum():
+        better |= covered & (_traces(known) < _traces(spread))
+    return np.where(better[:, None], settled, xy), np.where(better[:, None, None], known, spread)
 
 
-def _posterior(ij: Array, xy: Array, cov: Array, plane: Array | None) -> tuple[Array, Array, Array, Array]:
-    """Posterior positions (N, 2) and covariances (N, 2, 2); the distances of the data from the smooth board, (N, 2) px,
-    and their squared Mahalanobis lengths (N,)."""
-    base, sheet = sheet_of(ij, xy, cov, plane)
-    full = Evidence(sheet, float(np.sqrt(median(cov[:, 0, 0] + cov[:, 1, 1]) / 2)))
+def _traces(cov: Array) -> Real[Array, " n"]:
+    return np.asarray(cov[:, 0, 0] + cov[:, 1, 1])
+
+
+def _posterior(ij: Array, xy: Array, cov: Array, use: Array, plane: Array | None) -> tuple[Array, Array, Array, Array]:
+    """Posterior positions (N, 2) and covariances (N, 2, 2), given the corners `use` (N,) bool; the distances of the
+    data from the smooth board, (N, 2) px, and their squared Mahalanobis lengths (N,), both 0 for the others."""
+    scale = float(np.sqrt(median(_traces(cov[use])) / 2))
+    vague = np.where(use[:, None, None], cov, (FREE * scale) ** 2 * np.eye(2))
+    base, sheet = sheet_of(ij, xy, vague, plane, use)
+    full = Evidence(sheet, scale)
     best = likeliest(full)
     count, root = len(xy), full.root(best)
     work = np.empty(len(root) * (len(root) + TILE + 2 * CHUNK) + TILE)
@@ -179,11 +190,17 @@ def _posterior(ij: Array, xy: Array, cov: Array, plane: Array | None) -> tuple[A
     return base + moved, known, off, beyond
 
 
-def sheet_of(ij: Array, xy: Array, cov: Array, plane: Array | None = None) -> tuple[Array, Sheet]:
-    """Positions (N, 2) px by a homography, and the linear model of deviations from them. `plane`: as of `smooth`."""
+def sheet_of(
+    ij: Array, xy: Array, cov: Array, plane: Array | None = None, use: Array | None = None
+) -> tuple[Array, Sheet]:
+    """Positions (N, 2) px by a homography, and the linear model of deviations from them. `plane`: as of `smooth`.
+
+    `use` (N,) bool, None for all: the others neither determine the homography nor deviate from it.
+    """
     base, tangent = np.empty((len(xy), 2)), np.empty((len(xy), 2, HOMOGRAPHY))
     flat = np.ascontiguousarray(ij if plane is None else plane, float)
-    _tangent(flat, homography(flat, xy), base, tangent)
+    known = slice(None) if use is None else use
+    _tangent(flat, homography(flat[known], xy[known]), base, tangent)
     at = ij - ij.min(axis=0)
     columns, rows = at.max(axis=0).tolist()
     along, down, degree = _pairs(min(DEGREE, columns), min(DEGREE, rows))
@@ -192,7 +209,8 @@ def sheet_of(ij: Array, xy: Array, cov: Array, plane: Array | None = None) -> tu
     else:
         one, two = (_orthonormal(p, min(DEGREE, n)) for p, n in zip(_scaled(plane), (columns, rows), strict=True))
     bent = np.take(one, along, axis=1) * np.take(two, down, axis=1)
-    return base, Sheet(tangent, bent, degree, xy - base, np.ascontiguousarray(cov, float))
+    off = xy - base if use is None else np.where(use[:, None], xy - base, 0.0)
+    return base, Sheet(tangent, bent, degree, off, np.ascontiguousarray(cov, float))
 
 
 @functools.lru_cache(maxsize=32)
