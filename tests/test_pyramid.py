@@ -127,6 +127,19 @@ def test_a_board_in_a_gap_of_a_larger_one_stands_before_it():
     assert distinct_boards([[floor, board]]) == [floor]
 
 
+def test_a_board_in_a_gap_stands_though_the_larger_one_has_taken_corners_of_it():
+    """A few squares of a wide gap: most of its corners are near those around."""
+    floor, board = lattice(12, 9, 40.0), lattice(6, 4, 14.0, at=(259, 171))
+    gap = (np.abs(floor.xy - board.xy.mean(axis=0)) > (52, 38)).any(axis=1)
+    xy, taken = floor.xy.copy(), int(np.flatnonzero(~gap)[0])
+    xy[taken] = board.xy[np.argmin(np.hypot(*(board.xy - xy[taken]).T))] + 0.3
+    gap[taken] = True
+    around = Board(xy[gap], floor.ij[gap], floor.image_size, floor.response[gap], floor.status[gap], "unique")
+    assert distinct_boards([[around, board]]) == [around, board]
+    whole = Board(xy, floor.ij, floor.image_size, floor.response, floor.status, "unique")
+    assert distinct_boards([[whole, board]]) == [whole]
+
+
 @pytest.mark.parametrize("turned", [0.0, 0.35])
 def test_a_board_is_found_before_a_checkered_floor(turned):
     """Floor and board of about the same squares; the board's paper covers what is under it."""
