@@ -1,6 +1,7 @@
 """What values look like, and that copies and pickles of them are as good as they are."""
 
 import copy
+import functools
 import pickle
 import xml.etree.ElementTree as ET
 from dataclasses import fields, is_dataclass, replace
@@ -18,35 +19,64 @@ from rcdn.types.shown import decimals
 from rcdn_lab.camera_scenes import CAMERAS, SPACING, random_boards
 
 COPIES = {"copy": copy.copy, "deepcopy": copy.deepcopy, "pickle": lambda value: pickle.loads(pickle.dumps(value))}
-PICTURE = render(random_scene(np.random.default_rng((1, 1)), PRESETS["ordinary"], (640, 480)))
-BOARDS = random_boards(CAMERAS["brown"], 1)[0]
-CALIBRATION = rcdn.calibrate(BOARDS, spacing=SPACING, model="brown", flat=True)
-DETECTION = rcdn.Detector().detect(PICTURE)
-PAIR = StereoCalibration(
-    CALIBRATION, CALIBRATION, np.eye(4) - 0.1 * np.eye(4, k=3), np.eye(6), 0.1, 0.2, *[np.eye(3)] * 2,
-    *[np.eye(3, 4)] * 2, np.eye(4)
-)  # fmt: skip
+pytestmark = pytest.mark.xdist_group("objects")  # one picture and one calibration
+
+
+@functools.cache
+def picture():
+    return render(random_scene(np.random.default_rng((1, 1)), PRESETS["ordinary"], (640, 480)))
+
+
+@functools.cache
+def detection():
+    return rcdn.Detector().detect(picture())
+
+
+@functools.cache
+def boards():
+    return random_boards(CAMERAS["brown"], 1)[0]
+
+
+@functools.cache
+def calibration():
+    return rcdn.calibrate(boards(), spacing=SPACING, model="brown", flat=True)
+
+
+@functools.cache
+def pair():
+    return StereoCalibration(
+        calibration(), calibration(), np.eye(4) - 0.1 * np.eye(4, k=3), np.eye(6), 0.1, 0.2, *[np.eye(3)] * 2,
+        *[np.eye(3, 4)] * 2, np.eye(4)
+    )  # fmt: skip
+
+
 RIG = Rig(("left", "<right>"), (CAMERAS["brown"],) * 2, (Pose(np.eye(4)), Pose(np.eye(4) - 0.25 * np.eye(4, k=3))))
-MANY = RigCalibration(
-    RIG, {"left": CALIBRATION, "<right>": CALIBRATION, "alone": CALIBRATION}, {(0, 0): np.eye(4)}, 0.1,
-    (RigPair("left", "<right>", 3, 2, 0.1),), (("left", "<right>"), ("alone",)),
-)  # fmt: skip
+
+
+@functools.cache
+def many():
+    return RigCalibration(
+        RIG, {"left": calibration(), "<right>": calibration(), "alone": calibration()}, {(0, 0): np.eye(4)}, 0.1,
+        (RigPair("left", "<right>", 3, 2, 0.1),), (("left", "<right>"), ("alone",)),
+    )  # fmt: skip
+
+
 VALUES = {
-    "corners": DETECTION.corners,
-    "board": DETECTION.boards[0],
-    "detection": DETECTION,
-    "camera": CAMERAS["brown"],
-    "splined camera": replace(CAMERAS["pinhole"], correction=zero_correction(CAMERAS["pinhole"], 5)),
-    "calibration": CALIBRATION,
-    "pair": PAIR,
-    "rig": RIG,
-    "rig calibration": MANY,
-    "view": CALIBRATION.views[0],
-    "verdict": CALIBRATION.verdict,
-    "pose": rcdn.estimate_pose(BOARDS[0], CALIBRATION.camera, spacing=SPACING),
-    "config": DetectorConfig.paper(threads=1),
-    "detector": rcdn.Detector(),
-    "deviations": CALIBRATION.std,
+    "corners": lambda: detection().corners,
+    "board": lambda: detection().boards[0],
+    "detection": detection,
+    "camera": lambda: CAMERAS["brown"],
+    "splined camera": lambda: replace(CAMERAS["pinhole"], correction=zero_correction(CAMERAS["pinhole"], 5)),
+    "calibration": calibration,
+    "pair": pair,
+    "rig": lambda: RIG,
+    "rig calibration": many,
+    "view": lambda: calibration().views[0],
+    "verdict": lambda: calibration().verdict,
+    "pose": lambda: rcdn.estimate_pose(boards()[0], calibration().camera, spacing=SPACING),
+    "config": lambda: DetectorConfig.paper(threads=1),
+    "detector": rcdn.Detector,
+    "deviations": lambda: calibration().std,
 }
 
 
@@ -66,7 +96,7 @@ def elements(html, tag):
 
 @pytest.mark.parametrize("name", VALUES)
 def test_every_value_is_one_short_line(name):
-    text = repr(VALUES[name])
+    text = repr(VALUES[name]())
     assert "\n" not in text
     assert "array(" not in text
     assert 5 < len(text) < 200
@@ -75,7 +105,7 @@ def test_every_value_is_one_short_line(name):
 @pytest.mark.parametrize("way", COPIES)
 @pytest.mark.parametrize("name", VALUES)
 def test_copies_are_equal_and_as_unchangeable(name, way):
-    value = VALUES[name]
+    value = VALUES[name]()
     twin = COPIES[way](value)
     assert type(twin) is type(value)
     assert repr(twin) == repr(value)
@@ -85,15 +115,15 @@ def test_copies_are_equal_and_as_unchangeable(name, way):
 
 
 def test_what_reprs_say():
-    board, corners = DETECTION.boards[0], DETECTION.corners
+    board, corners = detection().boards[0], detection().corners
     assert repr(board).startswith(f"<Board {board.size[0]}×{board.size[1]} complete, {len(board)} corners, checker, ")
     assert repr(corners).startswith(f"<Corners: {len(corners)} – ")
     assert repr(Corners([], [], [])) == "<Corners: 0>"
-    assert repr(DETECTION) == f"<Detection: {len(corners)} corners, 1 board>"
-    assert repr(replace(DETECTION, boards=[], warnings=("a",))).endswith(" corners, 0 boards, 1 warning>")
-    assert repr(CALIBRATION).startswith(f"<Calibration: {CALIBRATION.verdict.level}, brown 640×480 px, rms 0.2")
+    assert repr(detection()) == f"<Detection: {len(corners)} corners, 1 board>"
+    assert repr(replace(detection(), boards=[], warnings=("a",))).endswith(" corners, 0 boards, 1 warning>")
+    assert repr(calibration()).startswith(f"<Calibration: {calibration().verdict.level}, brown 640×480 px, rms 0.2")
     assert "fx 520, fy 515, cx 330, cy 236, k1 -0.28" in repr(CAMERAS["brown"])
-    assert repr(PAIR).startswith("<StereoCalibration: not judged, baseline 0.1 m, ")
+    assert repr(pair()).startswith("<StereoCalibration: not judged, baseline 0.1 m, ")
     bad = Verdict("bad", (Reason("rms", "bad", "RMS", 9.0, 1.0, "px", "The RMS is 9 px.", "Look."),))
     assert repr(bad) == "<Verdict bad, 1 of 1 checks against it: The RMS is 9 px.>"
 
@@ -114,7 +144,7 @@ def test_the_repr_of_a_config_is_python_that_makes_it(config):
 
 
 def test_a_board_is_drawn_where_it_is():
-    board = DETECTION.boards[0]
+    board = detection().boards[0]
     html = board._repr_html_()
     assert elements(html, "svg")[0].get("viewBox") == "-.5 -.5 640 480"
     first, *_ = (e for e in elements(html, "circle") if e.get("fill") == "none")
@@ -127,25 +157,25 @@ def test_a_board_is_drawn_where_it_is():
 
 
 def test_a_detection_draws_all_and_says_each():
-    twice = replace(DETECTION, boards=[DETECTION.boards[0]] * 2)
+    twice = replace(detection(), boards=[detection().boards[0]] * 2)
     html = twice._repr_html_()
     assert len({e.get("stroke") for e in elements(html, "polyline")}) == 2
     assert len(elements(html, "p")) == 3
-    assert elements(replace(DETECTION, boards=[])._repr_html_(), "svg") == []
+    assert elements(replace(detection(), boards=[])._repr_html_(), "svg") == []
 
 
 def test_a_calibration_shows_its_verdict_and_each_parameter_with_its_deviation():
     bad = Verdict("bad", (Reason("rms", "bad", "RMS", 9.0, 1.0, "px", "It is <wrong>.", "Look."),))
-    html = replace(CALIBRATION, verdict=bad)._repr_html_()
+    html = replace(calibration(), verdict=bad)._repr_html_()
     assert [e.text for e in elements(html, "p")][:2] == ["Calibration: bad", "It is <wrong>. Look."]
     cells = [e.text for e in elements(html, "td")]
-    assert cells[::3] == list(CALIBRATION.camera.parameter_names)
+    assert cells[::3] == list(calibration().camera.parameter_names)
     for value, deviation, shown, after in zip(
-        CALIBRATION.camera.parameters, CALIBRATION.std, cells[1::3], cells[2::3], strict=True
+        calibration().camera.parameters, calibration().std, cells[1::3], cells[2::3], strict=True
     ):
         assert float(shown) == pytest.approx(value, abs=0.06 * deviation)
         assert float(after) == pytest.approx(deviation, rel=0.06)
-    assert len(elements(PAIR._repr_html_(), "table")) == 2
+    assert len(elements(pair()._repr_html_(), "table")) == 2
     assert len(elements(CAMERAS["fisheye"]._repr_html_(), "td")) == 2 * 8
 
 
@@ -153,12 +183,12 @@ def test_a_rig_says_where_its_cameras_stand():
     """T_cam_rig moves by −.25 m along x: the camera's centre is at x = +.25 m."""
     cells = [e.text for e in elements(RIG._repr_html_(), "td")]
     assert cells == ["left", "brown", "640×480", "0, 0, 0", "<right>", "brown", "640×480", "0.25, 0, 0"]
-    html = MANY._repr_html_()
+    html = many()._repr_html_()
     assert [e.text for e in elements(html, "p")] == ["Rig calibration: not judged", "2 of 3 cameras, rms 0.1 px"]
     rows = [[c.text or "" for c in row] for row in elements(html, "tr")][1:]
     assert [row[0] for row in rows] == ["left", "<right>", "alone"]
     assert rows[2][1] == "not connected"
-    assert float(rows[0][4]) == pytest.approx(CALIBRATION.rms, rel=0.01)
+    assert float(rows[0][4]) == pytest.approx(calibration().rms, rel=0.01)
 
 
 def test_decimals_leave_two_digits_of_a_deviation():
@@ -166,8 +196,8 @@ def test_decimals_leave_two_digits_of_a_deviation():
 
 
 def test_deviations_have_names():
-    std, plain = CALIBRATION.std, np.sqrt(np.diag(CALIBRATION.cov)[:-6])
-    assert std.keys() == CALIBRATION.camera.parameter_names
+    std, plain = calibration().std, np.sqrt(np.diag(calibration().cov)[:-6])
+    assert std.keys() == calibration().camera.parameter_names
     assert {name: std[name] for name in std.keys()} == dict(  # noqa: SIM118
         zip(std.keys(), plain.tolist(), strict=True)
     )
@@ -179,7 +209,7 @@ def test_deviations_have_names():
 
 
 def test_deviations_compute_as_arrays_do():
-    std, plain = CALIBRATION.std, np.array(CALIBRATION.std)
+    std, plain = calibration().std, np.array(calibration().std)
     for found, wanted in ((std / 2, plain / 2), (std[2:4], plain[2:4]), (np.concatenate([std, std]), [*plain, *plain])):
         assert type(found) is np.ndarray
         assert np.array_equal(found, wanted)
@@ -197,8 +227,8 @@ def test_deviations_compute_as_arrays_do():
 @pytest.mark.parametrize("way", COPIES)
 def test_a_used_detector_can_be_copied(preset, way):
     detector = rcdn.Detector(DetectorConfig.preset(preset, threads=1))
-    before = detector.detect(PICTURE)
-    after = COPIES[way](detector).detect(PICTURE)
+    before = detector.detect(picture())
+    after = COPIES[way](detector).detect(picture())
     assert np.array_equal(before.corners.xy, after.corners.xy)
     assert np.array_equal(before.corners.response, after.corners.response)
 

@@ -1,5 +1,7 @@
 """Random scenes keep to their ranges; crops are a function of their seed, with labels where the corners are."""
 
+import functools
+
 import numpy as np
 import pytest
 
@@ -11,7 +13,12 @@ from rcdn.synthetic.crops import crop_scene
 from rcdn.synthetic.scene import Background
 from rcdn.synthetic.surface import board_pose, board_to_pixels
 
-HARD_SCENES = [random_scene(np.random.default_rng(seed), HARD) for seed in range(250)]
+pytestmark = pytest.mark.xdist_group("sample")  # the same scenes
+
+
+@functools.cache
+def hard_scenes():
+    return [random_scene(np.random.default_rng(seed), HARD) for seed in range(250)]
 
 
 def tilt(scene, spec):
@@ -24,7 +31,7 @@ def tilt(scene, spec):
 
 
 def test_hard_boards_keep_to_their_ranges():
-    seen = [(spec, *tilt(scene, spec)) for scene in HARD_SCENES for spec in scene.boards]
+    seen = [(spec, *tilt(scene, spec)) for scene in hard_scenes() for spec in scene.boards]
     angles, pitches = np.array([a for _, a, _ in seen]), np.array([p for *_, p in seen])
     assert angles.max() <= 75 + 1e-6
     assert (angles > 60).mean() > 0.2
@@ -38,7 +45,7 @@ def test_hard_boards_keep_to_their_ranges():
 
 
 def test_hard_scenes_keep_to_their_ranges():
-    for scene in HARD_SCENES:
+    for scene in hard_scenes():
         s = scene.sensor
         assert 0.4 <= s.blur <= 4
         assert s.disk <= 6
@@ -46,7 +53,7 @@ def test_hard_scenes_keep_to_their_ranges():
         assert 0.12 <= s.gain <= 0.9
         assert s.offset + s.gain <= 0.95 + 1e-9
     share = np.mean(
-        [[len(s.boards) == 0, len(s.boards) > 1, s.model == "fisheye", s.sensor.invert] for s in HARD_SCENES], axis=0
+        [[len(s.boards) == 0, len(s.boards) > 1, s.model == "fisheye", s.sensor.invert] for s in hard_scenes()], axis=0
     )
     assert share == pytest.approx([0.12, 0.18, 0.3, 0.5], abs=0.08)
 
@@ -71,7 +78,7 @@ def test_a_frame_too_small_is_refused():
 
 def test_the_middle_of_a_board_is_seen_where_it_was_put():
     """Every board of any lens lies at least partly in the frame's inner part."""
-    for scene in HARD_SCENES[:60]:
+    for scene in hard_scenes()[:60]:
         for spec in scene.boards:
             middle = np.array([[(spec.cols - 1) / 2, (spec.rows - 1) / 2]])
             if spec.bend is None and np.isfinite(unproject(scene.camera, np.array([[128, 96], [512, 384.0]]))).all():

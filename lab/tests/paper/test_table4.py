@@ -1,6 +1,7 @@
 """Table 4: errors that were put in come out, missing corners flatter nobody,
 and the paper's figures are the paper's."""
 
+import functools
 import json
 from dataclasses import asdict, replace
 
@@ -20,11 +21,16 @@ from rcdn_lab.peers import Grid
 SIZE, WIDE = stereo_pair.SIZE, stereo_pair.IMAGE_SIZE
 IJ = np.stack(np.meshgrid(np.arange(SIZE[0]), np.arange(SIZE[1])), axis=-1).reshape(-1, 2)
 COUNT = 12
-MADE = stereo_pair.views(COUNT)
-TRUE = [
-    Truth(stereo_pair.camera_of(side), np.array([v.T[c] for v in MADE]), np.array([v.xy[c] for v in MADE]))
-    for c, side in enumerate(stereo_pair.SIDES)
-]
+
+
+@functools.cache
+def truths():
+    """The truth of both cameras."""
+    made = stereo_pair.views(COUNT)
+    return [
+        Truth(stereo_pair.camera_of(side), np.array([v.T[c] for v in made]), np.array([v.xy[c] for v in made]))
+        for c, side in enumerate(stereo_pair.SIDES)
+    ]
 
 
 @pytest.fixture(autouse=True)
@@ -37,11 +43,11 @@ def boards_of(xy, side=0, keep=None, truth=True):
     """Boards of these corners (V, M, 2); `keep` (M,): which of them are there."""
     keep = np.ones(len(IJ), bool) if keep is None else keep
     boards = [(IJ[keep], spots[keep]) for spots in xy]
-    return Boards(list(range(len(xy))), boards, WIDE, SIZE, "brown", len(xy), TRUE[side] if truth else None)
+    return Boards(list(range(len(xy))), boards, WIDE, SIZE, "brown", len(xy), truths()[side] if truth else None)
 
 
 def noisy(sigma, seed=0, side=0):
-    xy = TRUE[side].xy
+    xy = truths()[side].xy
     return xy + np.random.default_rng(seed).normal(0, 1, xy.shape) * np.asarray(sigma)[..., None]
 
 
@@ -49,7 +55,7 @@ def noisy(sigma, seed=0, side=0):
 
 
 def test_exact_corners_leave_no_error():
-    seen = table4_figures.figures([boards_of(TRUE[side].xy, side) for side in (0, 1)])
+    seen = table4_figures.figures([boards_of(truths()[side].xy, side) for side in (0, 1)])
     assert max(seen.cal, seen.pose, seen.mean, seen.rms, seen.most, seen.model) < 1e-4
     assert max(seen.focal, seen.centre, seen.rotation, seen.translation) < 1e-2
     assert seen.outliers == 0
@@ -102,7 +108,7 @@ def test_corners_that_disagree_with_the_others_are_counted_not_left_out():
 
 def test_the_worst_five_of_a_hundred_corners_may_be_missing_but_count_as_worst():
     xy, keep = noisy(0.1, 4), np.ones(len(IJ), bool)
-    gaps = np.linalg.norm(xy - TRUE[0].xy, axis=2)
+    gaps = np.linalg.norm(xy - truths()[0].xy, axis=2)
     keep[[7, 11]] = False  # 3.7 %
     _, _, every = table4_figures.corner_errors([boards_of(xy)])
     _, _, fewer = table4_figures.corner_errors([boards_of(xy, keep=keep)])
@@ -113,7 +119,7 @@ def test_the_worst_five_of_a_hundred_corners_may_be_missing_but_count_as_worst()
 
 @pytest.mark.parametrize("turn", range(4))
 def test_labels_of_a_part_are_brought_home(turn):
-    true, size = TRUE[0].xy[0], np.array(SIZE)
+    true, size = truths()[0].xy[0], np.array(SIZE)
     part = (IJ >= [2, 1]).all(axis=1) & (size - 1 > IJ).all(axis=1)
     own = IJ[part] @ table4_figures.TURNS[turn].T
     ij = table4_figures.relabelled(own - own.min(axis=0), true[part] + 0.4, true, SIZE)
@@ -121,11 +127,11 @@ def test_labels_of_a_part_are_brought_home(turn):
 
 
 def test_a_wrong_label_is_a_far_corner():
-    xy = TRUE[0].xy.copy()
+    xy = truths()[0].xy.copy()
     xy[0, [3, 4]] = xy[0, [4, 3]]
     seen = table4_figures.corner_errors([boards_of(xy)])
-    step = np.linalg.norm(TRUE[0].xy[0, 3] - TRUE[0].xy[0, 4])
-    assert seen[0] == pytest.approx(2 * step / TRUE[0].xy[..., 0].size)
+    step = np.linalg.norm(truths()[0].xy[0, 3] - truths()[0].xy[0, 4])
+    assert seen[0] == pytest.approx(2 * step / truths()[0].xy[..., 0].size)
 
 
 def test_small_turns_are_exact():
@@ -137,11 +143,11 @@ def test_small_turns_are_exact():
 
 def test_the_place_of_the_cameras_is_judged():
     true = stereo_pair.right_from_left()
-    exact = table4_figures.rig_of(*(boards_of(TRUE[s].xy, s) for s in (0, 1)), stereo_pair.SPACING, true)
+    exact = table4_figures.rig_of(*(boards_of(truths()[s].xy, s) for s in (0, 1)), stereo_pair.SPACING, true)
     assert exact.pairs == COUNT
     assert exact.baseline < 1
     assert exact.turn < 1e-4
-    few = [replace(boards_of(TRUE[s].xy, s), index=[0], boards=[(IJ, TRUE[s].xy[0])]) for s in (0, 1)]
+    few = [replace(boards_of(truths()[s].xy, s), index=[0], boards=[(IJ, truths()[s].xy[0])]) for s in (0, 1)]
     note = table4_figures.rig_of(*few, stereo_pair.SPACING, true).note
     assert note.startswith("no stereo calibration: left camera: there is one view")
 
@@ -170,7 +176,7 @@ def pair(tmp_path, monkeypatch):
             grey[0, :2] = c, k
             write_image(tmp_path / f"{side}{k:04d}.png", grey)
     cameras = tuple(CameraSet(side, f"{side}*.png", SIZE) for side in stereo_pair.SIDES)
-    return table4.PaperSet("rendered", table4_published.EYE_TRACKER, cameras, tmp_path, tuple(TRUE))
+    return table4.PaperSet("rendered", table4_published.EYE_TRACKER, cameras, tmp_path, tuple(truths()))
 
 
 def detector(name, corners):
