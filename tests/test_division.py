@@ -30,6 +30,14 @@ def test_what_is_undistorted_is_distorted_back():
     assert np.abs(lens.distorted(lens.undistorted(xy)) - xy).max() < 1e-9
 
 
+@pytest.mark.parametrize("coefficient", [-0.6, 0.0, 0.3])
+def test_slopes_are_the_derivatives(coefficient):
+    lens = Division(coefficient, np.array([310.0, 250.0]), 400.0)
+    xy, step = np.random.default_rng(2).uniform(0, 480, (50, 2)), 1e-3
+    numeric = [(lens.undistorted(xy + d) - lens.undistorted(xy - d)) / (2 * step) for d in step * np.eye(2)]
+    np.testing.assert_allclose(lens.slopes(xy), np.stack(numeric, axis=-1), atol=1e-7)
+
+
 def test_a_board_under_such_a_lens_shows_its_coefficient():
     pinhole = Camera([[300.0, 0, 319.5], [0, 300, 239.5], [0, 0, 1]], [], SIZE, "pinhole")
     true = Division(-0.7, np.array([319.5, 239.5]), 400.0)

@@ -1,5 +1,6 @@
 """Parts of one board that nothing joins come out as one board; parts of two don't."""
 
+import cv2
 import numpy as np
 import pytest
 
@@ -76,6 +77,61 @@ def test_halves_join_whatever_their_own_labels_are(turns, gap):
     step = next(s for s, k in joined.at.items() if k == 1)
     d, e = step[0] - start[0], step[1] - start[1]
     assert {(start[0] + d * u - e * v, start[1] + e * u + d * v): k for (u, v), k in expected.items()} == joined.at
+
+
+@pytest.mark.parametrize("wide", [False, True], ids=["perspective", "and a wide lens"])
+@pytest.mark.parametrize(("tilt", "axis"), [(0.9, 0.0), (0.9, 1.57), (0.6, 0.8)])
+@pytest.mark.parametrize("gap", [0, 1, 2])
+def test_halves_of_a_tilted_board_join(gap, tilt, axis, wide):
+    """Three lines each on both sides: lines of the next steps are far off there, and so is the nearer half's pitch."""
+    ij = np.array([(u, v) for v in range(6 + gap) for u in range(8)])
+    lower = ij[:, 1] >= 3 + gap
+    board = np.column_stack([ij - [3.5, 2.5 + gap / 2], np.zeros(len(ij))])
+    R = cv2.Rodrigues(tilt * np.array([np.cos(axis), np.sin(axis), 0.0]))[0]
+    at = board @ R.T + [0.4, 0.3, 8.0]
+    xy = 420 * at[:, :2] / at[:, 2:]
+    if wide:
+        xy = xy / (1 + 0.4 * (xy**2).sum(axis=1, keepdims=True) / 400**2)
+    xy = xy + np.array([319.5, 239.5]) + np.random.default_rng(0).normal(0, 0.1, xy.shape)
+    keep = (ij[:, 1] < 3) | lower
+    ij, xy, lower = ij[keep], xy[keep], lower[keep]
+    one, axes = np.ones(len(ij)), np.zeros((len(ij), 2))
+    parity = 1 - 2 * (ij.sum(axis=1) % 2)
+    field = Field(np.zeros((480, 640)), xy, axes, parity, one, one, one, one > 0, one > 0)
+    grids = [
+        Grid({(int(u), int(v)): k for k, (u, v) in enumerate(ij) if not lower[k]}, xy),
+        Grid({(int(u), int(v) + 7): k for k, (u, v) in enumerate(ij) if lower[k]}, xy),
+    ]
+    (joined,) = merge(field, grids)
+    (first, k), *_ = joined.at.items()
+    assert {(u - first[0] + ij[k, 0], v - first[1] + ij[k, 1]): n for (u, v), n in joined.at.items()} == {
+        (int(u), int(v)): n for n, (u, v) in enumerate(ij)
+    }
+
+
+@pytest.mark.parametrize("model", ["pinhole", "fisheye"])
+@pytest.mark.parametrize("seed", range(4))
+def test_an_arm_across_a_tilted_board_leaves_one_board(detector, seed, model):
+    rng = np.random.default_rng(seed)
+    lean, across = rng.uniform(0, 2 * np.pi), rng.uniform(0, 2 * np.pi)
+    R = cv2.Rodrigues(0.8 * np.array([np.cos(lean), np.sin(lean), 0.0]))[0]
+    t = np.array([0.3, 0.2, 13.0 if model == "pinhole" else 7.0]) - R @ [4.0, 2.5, 0]
+    board = BoardSpec(9, 6, tuple(cv2.Rodrigues(R)[0].ravel()), tuple(t))
+    middle, along = np.array([320.0, 240.0]), 400 * np.array([np.cos(across), np.sin(across)])
+    arm = Cover(*(middle - along), *(middle + along), 12, 0.45)
+    lens = {} if model == "pinhole" else {"distortion": (-0.02, 0.005, 0.0, 0.0)}
+    shown = Scene(
+        640, 480, 420 if model == "pinhole" else 260, (320, 240), model, boards=(board,), covers=(arm,),
+        sensor=Sensor(noise=2.0), **lens,
+    )  # fmt: skip
+    known = truth(shown)[0]
+    found = detector.boards(render(shown))
+    assert len(found) == 1
+    pairs, gaps = match(found[0].xy, known.xy, 2)
+    assert len(pairs) == len(found[0]) >= 0.9 * known.visible.sum()
+    affine = np.linalg.lstsq(np.column_stack([found[0].ij[pairs[:, 0]], np.ones(len(pairs))]), known.ij[pairs[:, 1]])[0]
+    assert np.abs(affine - np.rint(affine)).max() < 1e-9
+    assert gaps.mean() < 0.1
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import dataclass
 from heapq import heappop
 
 import numpy as np
@@ -10,8 +11,10 @@ import numpy as np
 from rcdn.boards.graph import Field
 from rcdn.boards.grow import board_sign
 from rcdn.boards.local import WIDEST, Grid, predictions, windows
+from rcdn.geometry import homography
 from rcdn.geometry.boxes import BoxCells
-from rcdn.geometry.matrices import product
+from rcdn.geometry.division import Division, division_of
+from rcdn.geometry.matrices import inverse, product
 from rcdn.geometry.near import nearest
 from rcdn.geometry.rules import CHECKER, Label
 from rcdn.types import Array
@@ -25,6 +28,12 @@ STRETCH = 0.25
 """largest difference of the two lattices' steps where they face each other, squares"""
 LEAST_VOTES, SHARE = 3, 0.8
 """corners that must agree on how two parts lie, and share of those within `GAP` of the other part"""
+FLAT, FLAT_LINES = 12, 3
+"""fewest corners, and lines of them along both axes, from which perspective is estimated"""
+CURVED = 0.02
+"""squares: RMS distance from the plane above which the lens's distortion is estimated, too"""
+HORIZON = 0.1
+"""least ratio of the smallest to the largest depth of a lattice with which its homography is used"""
 Motion = tuple[int, int, int]
 """number of quarter turns, shift in u, shift in v"""
 
@@ -91,6 +100,22 @@ class _Lattice:
         reach = max(self.reach, other.reach)
         return np.flatnonzero(((self.xy >= other.low - reach) & (self.xy <= other.high + reach)).all(axis=1))
 
+    def seen_from(self, rows: Array, at: Real[Array, "k 2"], frame: _Frame | None) -> tuple[Array, Array, Array]:
+        """For positions `at` (K, 2) px: the nearest corners among `rows`, (K,) rows; the offsets from them (K, 2),
+        squares; and the inverses (K, 2, 2) of the lattice's steps there, squares per px. `frame`: without perspective
+        and the lens's distortion."""
+        if frame is None:
+            near = rows[nearest(self.xy[rows], at)[1][:, 0]]
+            squares = _inverses(self.steps[near])
+            return near, product(squares, (at - self.xy[near])[..., None])[..., 0], squares
+        (level, _), (spots, slopes) = frame.of_pixels(self.xy), frame.of_pixels(at)
+        near = rows[nearest(level[rows], spots)[1][:, 0]]
+        some, where = np.unique(near, return_inverse=True)
+        around = _close(self.labels, self.labels[some], WIDEST)
+        squares = _inverses(_steps(self.labels[around], level[around], self.labels[some]))[where]
+        offset = product(squares, (spots - level[near])[..., None])[..., 0]
+        return near, offset, product(squares, slopes)
+
     def take(self, guest: _Lattice, motion: Motion) -> None:
         """Add a guest's corners, with their labels transformed by `motion`."""
         if not self._own:
@@ -108,6 +133,43 @@ class _Lattice:
         self.labels, self.xy, self.corners = joined, xy, np.concatenate([self.corners, guest.corners])
         self.low, self.high = np.minimum(self.low, guest.low), np.maximum(self.high, guest.high)
         self.reach = max(self.reach, _reach(self.steps[anew]))
+
+
+@dataclass(frozen=True, eq=False)
+class _Frame:
+    """Squares of a flat lattice: the homography `flat` (3, 3) of pixels without the distortion of the `lens`."""
+
+    flat: Array
+    lens: Division | None
+
+    @classmethod
+    def of(cls, host: _Lattice, guest: _Lattice, shape: tuple[int, ...]) -> _Frame | None:
+        """The frame of `host` in an image of `shape` (H, W); None with too few corners, or where its horizon is near
+        it or the `guest`."""
+        if len(host.labels) < FLAT or np.ptp(host.labels, axis=0).min() < FLAT_LINES - 1:
+            return None
+        labels = host.labels.astype(float)
+        frame = cls(inverse(homography(labels, host.xy)), None)
+        if np.sqrt(((frame.of_pixels(host.xy)[0] - labels) ** 2).sum(axis=1).mean()) > CURVED:
+            lens = division_of(labels, host.xy, (shape[1], shape[0]))
+            frame = frame if lens is None else cls(inverse(homography(labels, lens.undistorted(host.xy))), lens)
+        depth = frame.depth(np.concatenate([host.xy, guest.xy]))
+        depth = depth if depth[0] > 0 else -depth
+        return frame if depth.min() > HORIZON * depth.max() else None
+
+    def depth(self, xy: Real[Array, "n 2"]) -> Real[Array, " n"]:
+        """Depths (N,) of pixels `xy` (N, 2), up to a common factor."""
+        x, y = (xy if self.lens is None else self.lens.undistorted(xy)).T
+        return np.asarray(self.flat[2, 0] * x + self.flat[2, 1] * y + self.flat[2, 2])
+
+    def of_pixels(self, xy: Real[Array, "n 2"]) -> tuple[Array, Array]:
+        """Squares (N, 2) of pixels `xy` (N, 2), and their Jacobians (N, 2, 2); by sums in a fixed order."""
+        plain = xy if self.lens is None else self.lens.undistorted(xy)
+        x, y = plain.T
+        u, v, depth = (row[0] * x + row[1] * y + row[2] for row in self.flat)
+        to = np.stack([u / depth, v / depth], axis=1)
+        slopes = (self.flat[:2, :2] - to[:, :, None] * self.flat[2, :2]) / depth[:, None, None]
+        return to, slopes if self.lens is None else product(slopes, self.lens.slopes(xy))
 
 
 def _reach(steps: Array) -> float:
@@ -132,8 +194,9 @@ def _join(field: Field, host: _Lattice, guest: _Lattice) -> bool:
     here, there = host.within(guest), guest.within(host)
     if not len(here) or not len(there):
         return False
-    motion = _motion(host, here, guest, there)
-    back = None if motion is None else _motion(guest, there, host, here)
+    frame = _Frame.of(host, guest, field.grey.shape)
+    motion = _motion(host, here, guest, there, frame)
+    back = None if motion is None else _motion(guest, there, host, here, frame)
     if motion is None or back is None or not _inverse(motion, back):
         return False
     if any(_move(motion, spot) in host.grid.at for spot in guest.grid.at):
@@ -144,22 +207,10 @@ def _join(field: Field, host: _Lattice, guest: _Lattice) -> bool:
     return True
 
 
-def _inverse(motion: Motion, back: Motion) -> bool:
-    return all(_move(back, _move(motion, spot)) == spot for spot in ((0, 0), (1, 0), (0, 1)))
-
-
-def _move(motion: Motion, spot: Label) -> Label:
-    u, v = CHECKER.turn(*spot, motion[0])
-    return u + motion[1], v + motion[2]
-
-
-def _motion(host: _Lattice, here: Array, guest: _Lattice, there: Array) -> Motion | None:
+def _motion(host: _Lattice, here: Array, guest: _Lattice, there: Array, frame: _Frame | None) -> Motion | None:
     """The rotation and shift that take the guest's labels to the host's, or None if there is no clear majority. Only
-    the rows `here` of the host and `there` of the guest are used."""
-    at = guest.xy[there]
-    near = here[nearest(host.xy[here], at)[1][:, 0]]
-    squares = _inverses(host.steps[near])
-    offset = product(squares, (at - host.xy[near])[..., None])[..., 0]
+    the rows `here` of the host and `there` of the guest are used. `frame`: as of `_Lattice.seen_from`."""
+    near, offset, squares = host.seen_from(here, guest.xy[there], frame)
     whole = np.rint(offset)
     reach = np.abs(whole).max(axis=1)
     voters = (reach >= 1) & (reach <= GAP)
@@ -177,6 +228,15 @@ def _motion(host: _Lattice, here: Array, guest: _Lattice, there: Array) -> Motio
         return None
     motion, count = min(votes.items(), key=lambda item: (-item[1], item[0]))
     return motion if count >= max(LEAST_VOTES, SHARE * int(voters.sum())) else None
+
+
+def _inverse(motion: Motion, back: Motion) -> bool:
+    return all(_move(back, _move(motion, spot)) == spot for spot in ((0, 0), (1, 0), (0, 1)))
+
+
+def _move(motion: Motion, spot: Label) -> Label:
+    u, v = CHECKER.turn(*spot, motion[0])
+    return u + motion[1], v + motion[2]
 
 
 def _inverses(steps: Array) -> Real[Array, "m 2 2"]:

@@ -38,6 +38,12 @@ class Division:
         off = (xy - self.middle) / self.scale
         return np.asarray(off / (1 + self.coefficient * _square(off)) * self.scale + self.middle)
 
+    def slopes(self, xy: Real[Array, "n 2"]) -> Real[Array, "n 2 2"]:
+        """Jacobians (N, 2, 2) of `undistorted` at points `xy` (N, 2) px."""
+        off = (xy - self.middle) / self.scale
+        factor = (1 + self.coefficient * _square(off))[..., None]
+        return np.asarray((factor * np.eye(2) - 2 * self.coefficient * off[:, :, None] * off[:, None]) / factor**2)
+
     def distorted(self, xy: Real[Array, "... 2"]) -> Real[Array, "... 2"]:
         """The inverse of `undistorted`; NaN where there is none."""
         off = (xy - self.middle) / self.scale
