@@ -38,6 +38,11 @@ def test_slopes_are_the_derivatives(coefficient):
     np.testing.assert_allclose(lens.slopes(xy), np.stack(numeric, axis=-1), atol=1e-7)
 
 
+def test_nothing_is_seen_beyond_the_edge_of_a_lens():
+    lens = Division(-0.25, np.array([310.0, 250.0]), 400.0)
+    assert lens.sees(np.array([[310.0, 1049.0], [310.0, 1051.0], [1200.0, 250.0]])).tolist() == [True, False, False]
+
+
 def test_a_board_under_such_a_lens_shows_its_coefficient():
     pinhole = Camera([[300.0, 0, 319.5], [0, 300, 239.5], [0, 0, 1]], [], SIZE, "pinhole")
     true = Division(-0.7, np.array([319.5, 239.5]), 400.0)

@@ -109,6 +109,25 @@ def test_halves_of_a_tilted_board_join(gap, tilt, axis, wide):
     }
 
 
+def bare(xy):
+    """A field of corners at these positions, and two grids of 4 × 3 of them."""
+    ij = np.array([(u, v) for v in range(3) for u in range(4)])
+    one = np.ones(len(xy))
+    field = Field(np.zeros((480, 640)), xy, np.zeros((len(xy), 2)), one, one, one, one, one > 0, one > 0)
+    return field, [Grid({(int(u), int(v)): k + n for k, (u, v) in enumerate(ij)}, xy) for n in (0, 12)]
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_lattices_that_are_none_are_no_trouble(seed):
+    """On one line, in one place, or anywhere."""
+    rng = np.random.default_rng(seed)
+    anywhere = rng.uniform(0, 480, (24, 2))
+    line = rng.uniform(0, 480, 24)[:, None] * [1.0, 0.5] + [3.0, 40.0]
+    for xy in (anywhere, line, np.repeat(anywhere[:2], 12, axis=0), np.sort(np.rint(line), axis=0)):
+        field, grids = bare(xy)
+        assert sorted(len(g) for g in merge(field, grids)) in ([12, 12], [24])
+
+
 @pytest.mark.parametrize("model", ["pinhole", "fisheye"])
 @pytest.mark.parametrize("seed", range(4))
 def test_an_arm_across_a_tilted_board_leaves_one_board(detector, seed, model):

@@ -149,18 +149,28 @@ class _Frame:
         if len(host.labels) < FLAT or np.ptp(host.labels, axis=0).min() < FLAT_LINES - 1:
             return None
         labels = host.labels.astype(float)
-        frame = cls(inverse(homography(labels, host.xy)), None)
-        if np.sqrt(((frame.of_pixels(host.xy)[0] - labels) ** 2).sum(axis=1).mean()) > CURVED:
-            lens = division_of(labels, host.xy, (shape[1], shape[0]))
-            frame = frame if lens is None else cls(inverse(homography(labels, lens.undistorted(host.xy))), lens)
-        depth = frame.depth(np.concatenate([host.xy, guest.xy]))
-        depth = depth if depth[0] > 0 else -depth
-        return frame if depth.min() > HORIZON * depth.max() else None
+        try:
+            frame = cls(inverse(homography(labels, host.xy)), None)
+            if frame._misfit(labels, host.xy) > CURVED:
+                lens = division_of(labels, host.xy, (shape[1], shape[0]))
+                frame = frame if lens is None else cls(inverse(homography(labels, lens.undistorted(host.xy))), lens)
+        except np.linalg.LinAlgError:  # corners on one line
+            return None
+        return frame if frame._shows(np.concatenate([host.xy, guest.xy])) else None
 
-    def depth(self, xy: Real[Array, "n 2"]) -> Real[Array, " n"]:
-        """Depths (N,) of pixels `xy` (N, 2), up to a common factor."""
+    def _misfit(self, labels: Real[Array, "n 2"], xy: Real[Array, "n 2"]) -> float:
+        """RMS distance of pixels `xy` (N, 2) from `labels` (N, 2), squares."""
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            return float(np.sqrt(((self.of_pixels(xy)[0] - labels) ** 2).sum(axis=1).mean()))
+
+    def _shows(self, xy: Real[Array, "n 2"]) -> bool:
+        """Whether all pixels `xy` (N, 2) are in front of its horizon and within what the lens shows."""
+        if self.lens is not None and not self.lens.sees(xy).all():
+            return False
         x, y = (xy if self.lens is None else self.lens.undistorted(xy)).T
-        return np.asarray(self.flat[2, 0] * x + self.flat[2, 1] * y + self.flat[2, 2])
+        depth = self.flat[2, 0] * x + self.flat[2, 1] * y + self.flat[2, 2]
+        depth = depth if depth[0] > 0 else -depth
+        return bool(depth.min() > HORIZON * depth.max())
 
     def of_pixels(self, xy: Real[Array, "n 2"]) -> tuple[Array, Array]:
         """Squares (N, 2) of pixels `xy` (N, 2), and their Jacobians (N, 2, 2); by sums in a fixed order."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from rcdn.geometry.homography import apply_homographies, homography
 from rcdn.types import Array
-from rcdn.types.arrays import Real
+from rcdn.types.arrays import Bool, Real
 
 FEWEST = 12
 """least number of points from which the coefficient is estimated"""
@@ -37,6 +37,10 @@ class Division:
         """Where points `xy` (..., 2) px would be without the lens, px."""
         off = (xy - self.middle) / self.scale
         return np.asarray(off / (1 + self.coefficient * _square(off)) * self.scale + self.middle)
+
+    def sees(self, xy: Real[Array, "n 2"]) -> Bool[Array, " n"]:
+        """(N,) bool: whether points `xy` (N, 2) px are where the lens shows anything."""
+        return np.asarray(1 + self.coefficient * _square((xy - self.middle) / self.scale) > 0)[:, 0]
 
     def slopes(self, xy: Real[Array, "n 2"]) -> Real[Array, "n 2 2"]:
         """Jacobians (N, 2, 2) of `undistorted` at points `xy` (N, 2) px."""
