@@ -6,9 +6,10 @@ import pytest
 
 from rcdn.boards.graph import Field
 from rcdn.boards.local import Grid
-from rcdn.boards.merge import merge
+from rcdn.boards.merge import _Frame, merge
 from rcdn.config import DetectorConfig
 from rcdn.detector import Detector
+from rcdn.geometry.division import Division
 from rcdn.metrics import match
 from rcdn.synthetic import BoardSpec, Cover, Scene, Sensor, render, truth
 
@@ -128,6 +129,18 @@ def test_lattices_that_are_none_are_no_trouble(seed):
         assert sorted(len(g) for g in merge(field, grids)) in ([12, 12], [24])
 
 
+def test_a_frame_ends_at_its_horizon_and_where_its_lens_shows_nothing():
+    lens = Division(-0.25, np.array([310.0, 250.0]), 400.0)
+    inside, beyond = np.array([[310.0, 250.0], [310.0, 1000.0]]), np.array([[310.0, 250.0], [310.0, 1060.0]])
+    assert _Frame(np.eye(3), lens).shows(inside)
+    assert not _Frame(np.eye(3), lens).shows(beyond)
+    assert _Frame(np.eye(3), None).shows(beyond)
+    leaning = np.array([[1.0, 0, 0], [0, 1.0, 0], [0, -1e-3, 1.0]])
+    assert not _Frame(leaning, None).shows(beyond)
+    assert not _Frame(-leaning, None).shows(beyond)
+    assert _Frame(-leaning, None).shows(beyond / 2)
+
+
 @pytest.mark.parametrize("model", ["pinhole", "fisheye"])
 @pytest.mark.parametrize("seed", range(4))
 def test_an_arm_across_a_tilted_board_leaves_one_board(detector, seed, model):
@@ -148,7 +161,9 @@ def test_an_arm_across_a_tilted_board_leaves_one_board(detector, seed, model):
     assert len(found) == 1
     pairs, gaps = match(found[0].xy, known.xy, 2)
     assert len(pairs) == len(found[0]) >= 0.9 * known.visible.sum()
-    affine = np.linalg.lstsq(np.column_stack([found[0].ij[pairs[:, 0]], np.ones(len(pairs))]), known.ij[pairs[:, 1]])[0]
+    affine = np.linalg.lstsq(
+        np.column_stack([found[0].ij[pairs[:, 0]], np.ones(len(pairs))]), known.ij[pairs[:, 1]], None
+    )[0]
     assert np.abs(affine - np.rint(affine)).max() < 1e-9
     assert gaps.mean() < 0.1
 

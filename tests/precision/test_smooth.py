@@ -96,7 +96,7 @@ def test_corners_that_are_not_trusted_and_small_boards_stay():
     assert np.array_equal(post, cov[small])
 
 
-@pytest.mark.parametrize("wrong", [0.0, 30.0])
+@pytest.mark.parametrize("wrong", [0.0, 5.0])
 def test_a_covered_corner_gets_what_the_board_predicts(wrong):
     """Whether it isn't trusted or is an outlier; where it lies has no say."""
     ij, xy = flat()
@@ -107,12 +107,30 @@ def test_a_covered_corner_gets_what_the_board_predicts(wrong):
         seen, cov = measured(xy, seed)
         seen[23] += 2.0
         seen[[0, 22]] += wrong
-        cov[[0, 22]] = 25 * np.eye(2)
+        cov[[0, 22]] = np.eye(2)
         moved, post = smooth(ij, seen, cov, trusted, covered=bad)
         off.append((moved - xy)[bad])
         scaled.append(off[-1] / np.sqrt(post[bad, 0, 0])[:, None])
     assert rms(np.concatenate(off)) < SIGMA
     assert 0.6 < rms(np.concatenate(scaled)) < 1.2
+
+
+@pytest.mark.parametrize("steps", [2, 3, 5, 8, 20])
+def test_no_corner_goes_to_the_horizon(steps):
+    """A board on its side, and a false corner beyond its rim, some of them beyond the horizon."""
+    tilted = np.array([[28.0, 4.0, 120.0], [-3.0, 25.0, 90.0], [0.1, 0.006, 1.0]])
+    ij, xy = flat()
+    xy = apply_homography(tilted, ij)
+    wrong = np.array([[-steps, 3]])
+    ij, xy = np.concatenate([ij, wrong]), np.concatenate([xy, [[40.0, 240.0]]])
+    seen, cov = measured(xy, 1, 0.02)
+    last = np.arange(len(ij)) == len(ij) - 1
+    cov[last] = 100 * np.eye(2)
+    moved, _ = smooth(ij, seen, cov, ~last, covered=last)
+    without, _ = smooth(ij[~last], seen[~last], cov[~last], np.ones(len(ij) - 1, bool))
+    nearest = np.hypot(*(seen[~last] - seen[last]).T).min()
+    assert np.linalg.norm(moved[last] - seen[last]) < nearest / 2
+    assert np.array_equal(moved[~last], without)
 
 
 def test_a_covered_corner_that_knows_better_stays():

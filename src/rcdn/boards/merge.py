@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass
 from heapq import heappop
 
@@ -28,10 +29,13 @@ STRETCH = 0.25
 """largest difference of the two lattices' steps where they face each other, squares"""
 LEAST_VOTES, SHARE = 3, 0.8
 """corners that must agree on how two parts lie, and share of those within `GAP` of the other part"""
-FLAT, FLAT_LINES = 12, 3
-"""fewest corners, and lines of them along both axes, from which perspective is estimated"""
-CURVED = 0.02
+FLAT, FLAT_LINES, LEAST_GUEST = 12, 3, 9
+"""fewest corners, and lines of them along both axes, from which perspective is estimated; and fewest of another part
+for which that is worth its time"""
+CURVED = 0.03
 """squares: RMS distance from the plane above which the lens's distortion is estimated, too"""
+SAME = 0.4
+"""squares: what is nearer to a corner along both axes lies among the lattice's corners"""
 HORIZON = 0.1
 """least ratio of the smallest to the largest depth of a lattice with which its homography is used"""
 Motion = tuple[int, int, int]
@@ -84,6 +88,8 @@ class _Lattice:
         self.low, self.high = self.xy.min(axis=0), self.xy.max(axis=0)
         self.reach = _reach(self.steps)
         self._sign, self._own = 0, False
+        self._frames: list[_Frame | None] = [None, None]
+        self._lens_known = False
 
     def sign(self, field: Field) -> int:
         """The board's colouring; a part that joins must agree with it and does not change it."""
@@ -100,10 +106,27 @@ class _Lattice:
         reach = max(self.reach, other.reach)
         return np.flatnonzero(((self.xy >= other.low - reach) & (self.xy <= other.high + reach)).all(axis=1))
 
+    def plane(self) -> _Frame | None:
+        """Its frame without perspective; None with too few corners."""
+        if self._frames[0] is None and len(self.labels) >= FLAT and np.ptp(self.labels, axis=0).min() >= FLAT_LINES - 1:
+            self._frames[0] = _Frame.of(self)
+        return self._frames[0]
+
+    def plane_of_lens(self, shape: tuple[int, ...]) -> _Frame | None:
+        """The same without the distortion of the lens, too, of an image of `shape` (H, W); None where none is seen."""
+        if not self._lens_known:
+            plane, self._lens_known = self.plane(), True
+            gap = 0.0 if plane is None else plane.of_pixels(self.xy)[0] - self.labels
+            lens = None
+            if np.sqrt(2 * np.square(gap).mean()) > CURVED:
+                lens = division_of(self.labels.astype(float), self.xy, (shape[1], shape[0]), 1)
+            self._frames[1] = None if lens is None else _Frame.of(self, lens)
+        return self._frames[1]
+
     def seen_from(self, rows: Array, at: Real[Array, "k 2"], frame: _Frame | None) -> tuple[Array, Array, Array]:
         """For positions `at` (K, 2) px: the nearest corners among `rows`, (K,) rows; the offsets from them (K, 2),
-        squares; and the inverses (K, 2, 2) of the lattice's steps there, squares per px. `frame`: without perspective
-        and the lens's distortion."""
+        squares; and the inverses (K, 2, 2) of the lattice's steps there, squares per px. `frame`: that in which it is
+        continued; None: the picture."""
         if frame is None:
             near = rows[nearest(self.xy[rows], at)[1][:, 0]]
             squares = _inverses(self.steps[near])
@@ -133,6 +156,7 @@ class _Lattice:
         self.labels, self.xy, self.corners = joined, xy, np.concatenate([self.corners, guest.corners])
         self.low, self.high = np.minimum(self.low, guest.low), np.maximum(self.high, guest.high)
         self.reach = max(self.reach, _reach(self.steps[anew]))
+        self._frames, self._lens_known = [None, None], False
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,27 +167,15 @@ class _Frame:
     lens: Division | None
 
     @classmethod
-    def of(cls, host: _Lattice, guest: _Lattice, shape: tuple[int, ...]) -> _Frame | None:
-        """The frame of `host` in an image of `shape` (H, W); None with too few corners, or where its horizon is near
-        it or the `guest`."""
-        if len(host.labels) < FLAT or np.ptp(host.labels, axis=0).min() < FLAT_LINES - 1:
-            return None
-        labels = host.labels.astype(float)
+    def of(cls, lattice: _Lattice, lens: Division | None = None) -> _Frame | None:
+        """The frame of a lattice; None if its corners are on one line."""
+        labels = lattice.labels.astype(float)
         try:
-            frame = cls(inverse(homography(labels, host.xy)), None)
-            if frame._misfit(labels, host.xy) > CURVED:
-                lens = division_of(labels, host.xy, (shape[1], shape[0]))
-                frame = frame if lens is None else cls(inverse(homography(labels, lens.undistorted(host.xy))), lens)
-        except np.linalg.LinAlgError:  # corners on one line
+            return cls(inverse(homography(labels, lattice.xy if lens is None else lens.undistorted(lattice.xy))), lens)
+        except np.linalg.LinAlgError:
             return None
-        return frame if frame._shows(np.concatenate([host.xy, guest.xy])) else None
 
-    def _misfit(self, labels: Real[Array, "n 2"], xy: Real[Array, "n 2"]) -> float:
-        """RMS distance of pixels `xy` (N, 2) from `labels` (N, 2), squares."""
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            return float(np.sqrt(((self.of_pixels(xy)[0] - labels) ** 2).sum(axis=1).mean()))
-
-    def _shows(self, xy: Real[Array, "n 2"]) -> bool:
+    def shows(self, xy: Real[Array, "n 2"]) -> bool:
         """Whether all pixels `xy` (N, 2) are in front of its horizon and within what the lens shows."""
         if self.lens is not None and not self.lens.sees(xy).all():
             return False
@@ -180,6 +192,26 @@ class _Frame:
         to = np.stack([u / depth, v / depth], axis=1)
         slopes = (self.flat[:2, :2] - to[:, :, None] * self.flat[2, :2]) / depth[:, None, None]
         return to, slopes if self.lens is None else product(slopes, self.lens.slopes(xy))
+
+
+def _frames(
+    host: _Lattice, here: Array, guest: _Lattice, there: Array, shape: tuple[int, ...]
+) -> Iterator[_Frame | None]:
+    """The frames in which two parts may be seen to be of one lattice, by the host's corners: None for pixels, if either
+    has too few or its horizon is near; its plane; and its plane without the distortion of the lens, if that is seen.
+    None at all where the guest lies among the host's corners. `shape`: (H, W) of the image."""
+    every = np.concatenate([host.xy, guest.xy])
+    plane = host.plane() if len(guest.labels) >= LEAST_GUEST else None
+    if plane is None or not plane.shows(every):
+        yield None
+        return
+    offset = host.seen_from(here, guest.xy[there], None)[1]
+    if (np.abs(offset).max(axis=1) < SAME).mean() > 1 - SHARE:
+        return
+    yield plane
+    through_lens = host.plane_of_lens(shape)
+    if through_lens is not None and through_lens.shows(every):
+        yield through_lens
 
 
 def _reach(steps: Array) -> float:
@@ -204,10 +236,12 @@ def _join(field: Field, host: _Lattice, guest: _Lattice) -> bool:
     here, there = host.within(guest), guest.within(host)
     if not len(here) or not len(there):
         return False
-    frame = _Frame.of(host, guest, field.grey.shape)
-    motion = _motion(host, here, guest, there, frame)
-    back = None if motion is None else _motion(guest, there, host, here, frame)
-    if motion is None or back is None or not _inverse(motion, back):
+    for frame in _frames(host, here, guest, there, field.grey.shape):
+        motion = _motion(host, here, guest, there, frame)
+        back = None if motion is None else _motion(guest, there, host, here, frame)
+        if motion is not None and back is not None and _inverse(motion, back):
+            break
+    else:
         return False
     if any(_move(motion, spot) in host.grid.at for spot in guest.grid.at):
         return False

@@ -57,11 +57,13 @@ class Division:
         return np.asarray(out * self.scale + self.middle)
 
 
-def division_of(plane: Real[Array, "n 2"], xy: Real[Array, "n 2"], image_size: tuple[int, int]) -> Division | None:
+def division_of(
+    plane: Real[Array, "n 2"], xy: Real[Array, "n 2"], image_size: tuple[int, int], rounds: int = ROUNDS
+) -> Division | None:
     """The distortion seen in points `xy` (N, 2) px of a `plane` (N, 2); None where a homography alone explains them
     nearly as well, or they are too few.
 
-    `image_size` (width, height) px.
+    `image_size` (width, height) px; `rounds`: how often the best coefficient is refined.
     """
     if len(xy) < FEWEST:
         return None
@@ -69,7 +71,7 @@ def division_of(plane: Real[Array, "n 2"], xy: Real[Array, "n 2"], image_size: t
     off = (xy - middle) / scale
     unit = 1 / max(float(_square(off).max()), 1e-9)
     low, high = RANGE
-    for _ in range(1 + ROUNDS):
+    for _ in range(1 + rounds):
         tried = np.linspace(low, high, STEPS)
         residuals = _residuals(tried * unit, plane, off)
         best = int(np.argmin(residuals))

@@ -15,9 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial.legendre import legvander
 
+from rcdn.corners.adaptive import nearest_pitch
 from rcdn.geometry import homography
 from rcdn.geometry.median import median
 from rcdn.native import bind, constants
+from rcdn.precision.lattice import HORIZON
 from rcdn.types import Array
 from rcdn.types.arrays import Bool, Int, Real
 
@@ -37,6 +39,8 @@ MISFIT = 3.5
 """distance from the smooth board, in standard deviations, beyond which a corner is an outlier"""
 UNLIKE = 0.1
 """largest share of outliers with which positions are predicted"""
+FARTHEST = 0.5
+"""largest distance of a prediction from the corner's own position, squares"""
 
 HOMOGRAPHY = constants("smooth")["FREE"]
 """parameters of a homography"""
@@ -147,47 +151,73 @@ def smooth(
     `ij` (N, 2) labels; `plane` (N, 2): positions of the corners on the board, squares (None: their labels); `xy` (N, 2)
     px with independent errors of covariance `cov` (N, 2, 2) px². Only `trusted` (N,) corners that are no outliers take
     part; all others keep their positions, and outliers get a larger covariance. But those that are `covered` (N,), None
-    for none, get the position that the board predicts where it is more certain, unless too many are outliers: then
-    the board isn't smooth. If the board is too small, positions and covariances are returned unchanged. Raises
+    for none, get the position that the board predicts, where it is near and more certain, unless too many are outliers:
+    then the board isn't smooth. If the board is too small, positions and covariances are returned unchanged. Raises
     LinAlgError where a covariance is not positive definite.
     """
-    use, spread = trusted.copy(), cov.copy()
+    use, spread, moved = trusted.copy(), cov.copy(), xy.copy()
     for again in (True, False):
         lines = [len(set(ij[use, k].tolist())) for k in (0, 1)]
         if use.sum() < LEAST_CORNERS or min(lines) < LEAST_LINES:
             return xy, cov
-        settled, known, off, beyond = _posterior(ij, xy, cov, use, plane)
-        alien = np.flatnonzero(use & (beyond > 2 * MISFIT * MISFIT))
-        if not len(alien) or not again:
+        flat, known, off, beyond = _posterior(ij[use], xy[use], cov[use], None if plane is None else plane[use])
+        alien = beyond > 2 * MISFIT * MISFIT
+        if not alien.any() or not again:
             break
-        spread[alien] += (np.linalg.norm(off[alien], axis=1) ** 2 / 4)[:, None, None] * np.eye(2)
-        use[alien] = False
-    better = use.copy()
+        out = np.flatnonzero(use)[alien]
+        spread[out] += (np.linalg.norm(off[alien], axis=1) ** 2 / 4)[:, None, None] * np.eye(2)
+        use[out] = False
+    moved[use], spread[use] = flat, known
     if covered is not None and (trusted & ~use).sum() <= UNLIKE * trusted.sum():
-        better |= covered & (_traces(known) < _traces(spread))
-    return np.where(better[:, None], settled, xy), np.where(better[:, None, None], known, spread)
+        asked = covered & ~use
+        if asked.any():
+            _predict(ij, xy, cov, use, asked, plane, moved, spread)
+    return moved, spread
+
+
+def _predict(
+    ij: Array, xy: Array, cov: Array, use: Array, asked: Array, plane: Array | None, moved: Array, spread: Array
+) -> None:
+    """Put the corners `asked` (N,) where those to `use` (N,) predict them, in place in `moved` (N, 2) px and `spread`
+    (N, 2, 2) px²: those whose own positions are less certain, but not further off than half a square."""
+    flat = np.ascontiguousarray(ij if plane is None else plane, float)
+    H = homography(flat[use], xy[use])
+    depth = flat[:, 0] * H[2, 0] + flat[:, 1] * H[2, 1] + H[2, 2]
+    depth = depth if depth[use][0] > 0 else -depth
+    both = use | asked & (depth > HORIZON * depth[use].max())
+    mine = asked[both]
+    there, known, _, _ = _posterior(ij[both], xy[both], cov[both], None if plane is None else plane[both], use[both])
+    rows = np.flatnonzero(both)[mine]
+    near = np.linalg.norm(there[mine] - xy[rows], axis=1) < FARTHEST * nearest_pitch(xy)[rows]
+    better = near & (_traces(known[mine]) < _traces(spread[rows]))
+    moved[rows[better]], spread[rows[better]] = there[mine][better], known[mine][better]
 
 
 def _traces(cov: Array) -> Real[Array, " n"]:
     return np.asarray(cov[:, 0, 0] + cov[:, 1, 1])
 
 
-def _posterior(ij: Array, xy: Array, cov: Array, use: Array, plane: Array | None) -> tuple[Array, Array, Array, Array]:
-    """Posterior positions (N, 2) and covariances (N, 2, 2), given the corners `use` (N,) bool; the distances of the
-    data from the smooth board, (N, 2) px, and their squared Mahalanobis lengths (N,), both 0 for the others."""
-    scale = float(np.sqrt(median(_traces(cov[use])) / 2))
-    vague = np.where(use[:, None, None], cov, (FREE * scale) ** 2 * np.eye(2))
-    base, sheet = sheet_of(ij, xy, vague, plane, use)
+def _posterior(
+    ij: Array, xy: Array, cov: Array, plane: Array | None, use: Array | None = None
+) -> tuple[Array, Array, Array, Array]:
+    """Posterior positions (N, 2) and covariances (N, 2, 2); the distances of the data from the smooth board, (N, 2) px,
+    and their squared Mahalanobis lengths (N,). `use` (N,) bool, None for all: the positions of the others have no say,
+    and both distances tell nothing of them."""
+    known = slice(None) if use is None else use
+    scale = float(np.sqrt(median(_traces(cov[known])) / 2))
+    if use is not None:
+        cov = np.where(use[:, None, None], cov, (FREE * scale) ** 2 * np.eye(2))
+    base, sheet = sheet_of(ij, xy, cov, plane, use)
     full = Evidence(sheet, scale)
     best = likeliest(full)
     count, root = len(xy), full.root(best)
     work = np.empty(len(root) * (len(root) + TILE + 2 * CHUNK) + TILE)
-    moved, known, off, beyond = (np.empty((count, *tail)) for tail in ((2,), (2, 2), (2,), ()))
+    moved, spread, off, beyond = (np.empty((count, *tail)) for tail in ((2,), (2, 2), (2,), ()))
     _settle(
         sheet.tangent, sheet.bent, sheet.off, sheet.cov, ROUGH[best[0]] * full.scale, full.normal(best[0])[0],
-        root, work, moved, known, off, beyond,
+        root, work, moved, spread, off, beyond,
     )  # fmt: skip
-    return base + moved, known, off, beyond
+    return base + moved, spread, off, beyond
 
 
 def sheet_of(

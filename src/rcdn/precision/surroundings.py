@@ -74,7 +74,7 @@ class Surroundings:
         base, ahead = (apply_homography(H, self.plane + step * self.by_gap) for step in (0.0, STEP))
         moved = (ahead - base) / STEP
         off = xy - base
-        along, down = (np.linalg.lstsq(bent, np.stack([moved[:, k], off[:, k]], axis=1))[0] for k in (0, 1))
+        along, down = (np.linalg.lstsq(bent, np.stack([moved[:, k], off[:, k]], axis=1), rcond=None)[0] for k in (0, 1))
         left = np.stack([np.stack([moved[:, k], off[:, k]], axis=1) - bent @ fit for k, fit in ((0, along), (1, down))])
         change = (left[..., 0] * left[..., 1]).sum() / (left[..., 0] ** 2).sum()
         return np.asarray(self.plane + change * self.by_gap)
