@@ -6,6 +6,7 @@ import pytest
 
 from rcdn.errors import RcdnError
 from rcdn.geometry import apply_homographies, apply_homography, homography, project, transform, unproject
+from rcdn.geometry.homography import depths, in_front
 from rcdn.types import Camera, Pose
 
 K = np.array([[600.0, 0, 320], [0, 580, 240], [0, 0, 1]])
@@ -229,3 +230,13 @@ def test_transform():
     points = np.random.default_rng(0).normal(size=(2, 5, 3))
     homogeneous = np.concatenate([points, np.ones((2, 5, 1))], axis=-1)
     assert transform(Pose(T), points) == pytest.approx((homogeneous @ T.T)[..., :3])
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_points_are_in_front_of_a_horizon_whatever_the_sign_of_its_homography(sign):
+    H = sign * np.array([[1.0, 0, 0], [0, 1, 0], [0, -0.01, 1]])  # its horizon is y = 100
+    here, far, behind = np.array([[0.0, 0], [9, 50]]), np.array([[0.0, 0], [9, 95]]), np.array([[0.0, 0], [9, 120]])
+    assert depths(H, here) == pytest.approx(sign * np.array([1, 0.5]))
+    assert [in_front(H, xy, 0.1) for xy in (here, far, behind)] == [True, False, False]
+    assert in_front(H, far, 0.04)
+    assert in_front(H, behind[1:], 0.1)

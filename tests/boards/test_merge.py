@@ -84,7 +84,7 @@ def test_halves_join_whatever_their_own_labels_are(turns, gap):
 @pytest.mark.parametrize(("tilt", "axis"), [(0.9, 0.0), (0.9, 1.57), (0.6, 0.8)])
 @pytest.mark.parametrize("gap", [0, 1, 2])
 def test_halves_of_a_tilted_board_join(gap, tilt, axis, wide):
-    """Three lines each on both sides: lines of the next steps are far off there, and so is the nearer half's pitch."""
+    """Of three lines on each side, extrapolated in the picture, the next ones would be far off."""
     ij = np.array([(u, v) for v in range(6 + gap) for u in range(8)])
     lower = ij[:, 1] >= 3 + gap
     board = np.column_stack([ij - [3.5, 2.5 + gap / 2], np.zeros(len(ij))])

@@ -56,7 +56,7 @@ def test_quadratics_are_the_least_squares_of_the_neighbours(own):
 @pytest.mark.parametrize("size", [1, 2, 3])
 @pytest.mark.parametrize("own", [0.0, 1.0])
 def test_a_corner_whose_neighbours_lie_on_one_line_gets_their_similarity(size, own):
-    """A tail of corners on the end of a board, whose rectified squares are 1.1 wide, and turned."""
+    """A tail of corners on the end of a board."""
     body, tail = labels(), np.stack([10 + np.arange(4 + size), np.full(4 + size, 2)], axis=1)
     ij = np.concatenate([body, tail])
     maps = lattice(ij, bent(ij, size=0.1), own=own)

@@ -12,9 +12,9 @@ import numpy as np
 from rcdn.boards.graph import Field
 from rcdn.boards.grow import board_sign
 from rcdn.boards.local import WIDEST, Grid, predictions, windows
-from rcdn.geometry import homography
 from rcdn.geometry.boxes import BoxCells
 from rcdn.geometry.division import Division, division_of
+from rcdn.geometry.homography import homography, in_front
 from rcdn.geometry.matrices import inverse, product
 from rcdn.geometry.near import nearest
 from rcdn.geometry.rules import CHECKER, Label
@@ -179,10 +179,7 @@ class _Frame:
         """Whether all pixels `xy` (N, 2) are in front of its horizon and within what the lens shows."""
         if self.lens is not None and not self.lens.sees(xy).all():
             return False
-        x, y = (xy if self.lens is None else self.lens.undistorted(xy)).T
-        depth = self.flat[2, 0] * x + self.flat[2, 1] * y + self.flat[2, 2]
-        depth = depth if depth[0] > 0 else -depth
-        return bool(depth.min() > HORIZON * depth.max())
+        return in_front(self.flat, xy if self.lens is None else self.lens.undistorted(xy), HORIZON)
 
     def of_pixels(self, xy: Real[Array, "n 2"]) -> tuple[Array, Array]:
         """Squares (N, 2) of pixels `xy` (N, 2), and their Jacobians (N, 2, 2); by sums in a fixed order."""

@@ -21,7 +21,7 @@ beyond, it is no board of its own"""
 BESIDE, ONE_SQUARE = 0.9, 1.5
 """squares of the larger board: what is nearer to its next corner lies among its corners, and the extent up to which a
 board is part of one of its squares"""
-GAP = 1.5
+GAP_AREA = 1.5
 """squares of the larger board; a board with a larger area and none of its corners inside lies in a gap of it"""
 EDGE = 1e-3
 """px; tolerance of the test whether a corner lies inside a board's hull, so that its own corners do"""
@@ -69,7 +69,7 @@ def _covers(board: Board, xy: Array) -> bool:
     if np.ptp(xy, axis=0).max() < ONE_SQUARE * median(pitch):
         return True
     outline = cv2.convexHull(xy.astype(np.float32))
-    if cv2.contourArea(outline) > GAP * median(pitch) ** 2:
+    if cv2.contourArea(outline) > GAP_AREA * median(pitch) ** 2:
         others = board.xy[nearest(xy, board.xy)[0][:, 0] > SAME * median(nearest_pitch(xy))]
         if not (depth(outline, others) > 0).any():
             return False

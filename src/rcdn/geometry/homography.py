@@ -27,6 +27,20 @@ def homography(src: Array, dst: Array) -> Real[Array, "3 3"]:
     return H
 
 
+def depths(H: Real[Array, "3 3"], points: Real[Array, "n 2"]) -> Real[Array, " n"]:
+    """Depths (N,) of `points` (N, 2) under the homography `H` (3, 3), up to a common factor: 0 on its horizon. By sums
+    in a fixed order."""
+    return np.asarray(H[2, 0] * points[:, 0] + H[2, 1] * points[:, 1] + H[2, 2])
+
+
+def in_front(H: Real[Array, "3 3"], points: Real[Array, "n 2"], least: float) -> bool:
+    """Whether `points` (N, 2) are on one side of the horizon of `H`, with depths of at least the share `least` of the
+    largest."""
+    depth = depths(H, points)
+    low, high = float(depth.min()), float(depth.max())
+    return max(low, -high) > least * max(-low, high)
+
+
 def apply_homography(H: Real[Array, "3 3"], points: Real[Array, "... 2"]) -> Array:
     """`points` (..., 2) mapped by the homography `H` (3, 3)."""
     points = np.asarray(points, float)

@@ -44,8 +44,8 @@ def sharpen(
 
     `grey` (H, W), 0..255; `geometry`: the positions are also estimated from the smoothness of the board; `around`: what
     is printed besides squares. No corner is added, dropped or relabelled. A corner whose fit fails keeps its position,
-    with a larger sigma. If something covers it in part, and its fit fails or belies the others, it gets the position
-    that the board predicts by its `geometry`, where that is near and more certain.
+    with a larger sigma. If something covers it in part, and its fit fails or disagrees with the others, it gets the
+    position that the board predicts by its `geometry`, where that is near and more certain.
     """
     if len(board) < 4 or np.ptp(board.ij, axis=0).min() < 1:
         return board

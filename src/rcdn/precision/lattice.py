@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rcdn.geometry import homography
+from rcdn.geometry.homography import homography, in_front
 from rcdn.geometry.matrices import affine, inverse
 from rcdn.geometry.median import median
 from rcdn.native import bind, constants
@@ -128,9 +128,7 @@ def _rectifier(plane: Array, xy: Array) -> Array:
     board."""
     try:
         flat = inverse(homography(plane, xy))
-        depth = (xy * flat[2, :2]).sum(axis=1) + flat[2, 2]
-        low, high = float(depth.min()), float(depth.max())
-        if max(low, -high) > HORIZON * max(-low, high):
+        if in_front(flat, xy, HORIZON):
             return flat
     except np.linalg.LinAlgError:
         pass

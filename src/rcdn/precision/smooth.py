@@ -16,7 +16,7 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 
 from rcdn.corners.adaptive import nearest_pitch
-from rcdn.geometry import homography
+from rcdn.geometry.homography import depths, homography
 from rcdn.geometry.median import median
 from rcdn.native import bind, constants
 from rcdn.precision.lattice import HORIZON
@@ -178,11 +178,10 @@ def smooth(
 def _predict(
     ij: Array, xy: Array, cov: Array, use: Array, asked: Array, plane: Array | None, moved: Array, spread: Array
 ) -> None:
-    """Put the corners `asked` (N,) where those to `use` (N,) predict them, in place in `moved` (N, 2) px and `spread`
-    (N, 2, 2) px²: those whose own positions are less certain, but not further off than half a square."""
+    """Replace positions `moved` (N, 2) px and covariances `spread` (N, 2, 2) px², in place, of the corners `asked` (N,)
+    by what the corners `use` (N,) predict, where that is more certain and less than half a square away."""
     flat = np.ascontiguousarray(ij if plane is None else plane, float)
-    H = homography(flat[use], xy[use])
-    depth = flat[:, 0] * H[2, 0] + flat[:, 1] * H[2, 1] + H[2, 2]
+    depth = depths(homography(flat[use], xy[use]), flat)
     depth = depth if depth[use][0] > 0 else -depth
     both = use | asked & (depth > HORIZON * depth[use].max())
     mine = asked[both]
