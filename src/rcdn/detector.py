@@ -18,7 +18,7 @@ from rcdn.geometry.rows import joint, rows_among
 from rcdn.io import grey_of
 from rcdn.precision import sharpen
 from rcdn.precision.surroundings import Surroundings
-from rcdn.targets.circles import is_circle_grid
+from rcdn.targets.circles import Other, other_pattern
 from rcdn.targets.quick_test import CornerSamples, sample_corners
 from rcdn.types import Array, Board, Corners, Target, Warnings, allowed
 from rcdn.types.arrays import Bool, Real
@@ -131,7 +131,7 @@ class Detector:
 
         Lattices of tags are kept only if their codes were read, since nothing else distinguishes them from other
         patterns. `warnings` note codes that can be read only in the mirror image, and circle grids, which are no
-        boards.
+        boards; meshes are none, either.
         """
         if self.config.pattern == "deltille":
             return boards
@@ -141,9 +141,10 @@ class Detector:
             coded = self.config.target != "plain" and (samples is None or samples.may_carry_codes)
             known = self._read(grey, board, warnings) if coded else board
             plain &= not coded
-            if known.target is None and self._is_circle_grid(samples):
+            other = self._other_pattern(samples) if known.target is None else None
+            if other == "circles":
                 warnings.add("circles", NO_CIRCLES.format(*board.size))
-            else:
+            elif other is None:
                 out.append(known)
         if self.config.target != "plain" and not plain:
             pieces = [piece for result in results for piece in result.pieces()]
@@ -155,9 +156,9 @@ class Detector:
         # parts of one board that its codes have completed are that board, each
         return distinct_boards([out]) if sum(board.target is not None for board in out) > 1 else out
 
-    def _is_circle_grid(self, samples: CornerSamples | None) -> bool:
+    def _other_pattern(self, samples: CornerSamples | None) -> Other | None:
         literal = self.config.recovery == "growth"  # the paper's method does not distinguish kinds of targets
-        return samples is not None and not literal and is_circle_grid(samples)
+        return None if samples is None or literal else other_pattern(samples)
 
     def _read(self, grey: Array, board: Board, warnings: Warnings) -> Board:
         """The board with the target and labels that its codes give, if they are unambiguous."""

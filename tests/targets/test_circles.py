@@ -10,7 +10,7 @@ from coded_scene import SQUARE, Drawing, aprilgrid, charuco, puzzleboard, seen
 from rcdn import Board, Corners, Detector, DetectorConfig
 from rcdn.batch.calibration_runs import _no_board
 from rcdn.io import ImageResult
-from rcdn.targets.circles import is_circle_grid
+from rcdn.targets.circles import other_pattern
 from rcdn.targets.quick_test import sample_corners
 
 DETECTOR = Detector(DetectorConfig(threads=1))
@@ -102,14 +102,14 @@ def test_no_checkerboard_is_taken_for_circles(camera):
             turn=rng.uniform(-3, 3), size=rng.uniform(0.4, 0.9), light=rng.choice([0.3, 1.0]), seed=k,
         )  # fmt: skip
         image = camera(image)
-        assert not is_circle_grid(sample_corners(image, board_at(xy, columns, image))), k
+        assert not other_pattern(sample_corners(image, board_at(xy, columns, image))), k
 
 
 @pytest.mark.parametrize("blur", [0.6, 1.5, 3.0])
 def test_boards_of_small_squares_are_no_circles(blur):
     for k in range(8):
         image, xy = seen(checkerboard(20, 14), 320, 240, size=0.5 + 0.05 * k, blur=blur, noise=5, seed=k)
-        assert not is_circle_grid(sample_corners(image, board_at(xy, 20, image)))
+        assert not other_pattern(sample_corners(image, board_at(xy, 20, image)))
 
 
 @pytest.mark.parametrize(
@@ -137,3 +137,37 @@ def test_a_calibration_says_why_there_is_no_board():
     told = _no_board(images((circle,), (circle,), ("of 9 peaks …",)))
     assert told == f"no board was found in 3 pictures; 2 of them: {circle}"
     assert "squares need sharp" in _no_board(images((), ()))
+
+
+def mesh(pitch, half, turn=0.0, inverted=False):
+    """A picture (300, 400) of bars along both diagonals of a lattice of `pitch` px, and holes with the half-diagonal
+    `half`, share of the pitch, between them."""
+    y, x = np.mgrid[0:1200, 0:1600] / 4
+    u, v = (x * np.cos(turn) + y * np.sin(turn)) / pitch, (y * np.cos(turn) - x * np.sin(turn)) / pitch
+
+    def off(t, k):
+        return np.abs((t - k + 0.5) % 2 - 1)
+
+    holes = np.minimum(off(u, 0) + off(v, 0), off(u, 1) + off(v, 1)) < half
+    grey = cv2.resize(60.0 + 160 * (holes != inverted), (400, 300), interpolation=cv2.INTER_AREA)
+    return cv2.GaussianBlur(grey, (0, 0), 0.6).astype(np.uint8)
+
+
+@pytest.mark.parametrize("inverted", [False, True])
+@pytest.mark.parametrize(("pitch", "half"), [(10, 0.6), (10, 0.8), (14, 0.6)])
+def test_a_mesh_is_no_board(pitch, half, inverted):
+    found = DETECTOR.detect(mesh(pitch, half, inverted=inverted))
+    assert found.boards == []
+    assert not any("circle" in text for text in found.warnings)
+
+
+@pytest.mark.parametrize("inverted", [False, True])
+@pytest.mark.parametrize("half", [0.5, 0.7, 0.9])
+def test_a_mesh_is_told_from_circles_and_from_a_checkerboard(half, inverted):
+    """At the corners of its lattice, which lies along the diagonals of its bars."""
+    turn, pitch = 0.2, 14.0
+    image = mesh(pitch, half, turn, inverted)
+    j, i = np.mgrid[2:10, 8:18].reshape(2, -1)
+    x, y = i * pitch * np.cos(turn) - j * pitch * np.sin(turn), i * pitch * np.sin(turn) + j * pitch * np.cos(turn)
+    board = board_at(np.stack([x, y], axis=1) - 0.375, 10, image)
+    assert other_pattern(sample_corners(image, board)) == "mesh"

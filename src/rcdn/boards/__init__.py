@@ -19,7 +19,7 @@ from rcdn.boards.merge import merge
 from rcdn.boards.overlap import separated
 from rcdn.boards.rim import cut_at_rim
 from rcdn.boards.side_by_side import apart
-from rcdn.boards.validate import believable, distinct, has_rims, is_full, plain, prune, skips_lines
+from rcdn.boards.validate import believable, distinct, has_rims, is_full, is_striped, plain, prune, skips_lines
 from rcdn.corners import Candidates
 from rcdn.geometry.median import median
 from rcdn.geometry.near import nearest
@@ -86,7 +86,8 @@ def find_boards(
                 )
             if cut_at_rim(field, grid, sign, free) and not believable(grid, least, scale):
                 continue
-            if (distinct(grid, field.grey) or has_rims(grid, field)) and not skips_lines(grid, field):
+            sharp = distinct(grid, field.grey) or has_rims(grid, field)
+            if sharp and not (skips_lines(grid, field) or is_striped(grid, field)):
                 boards.append(as_board(field, candidates, grid))
     boards += [as_board(field, candidates, Grid(at, field.xy), TAGS, 0) for at in lattices]
     if field.rounds[0] >= allowed(grey.size, *GROWN):

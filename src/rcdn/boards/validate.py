@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rcdn.boards.edges import edge_contrast, edge_sharpness
+from rcdn.boards.edges import edge_contrast, edge_sharpness, sample_grey
 from rcdn.boards.graph import Field
 from rcdn.boards.local import Grid, at_steps, cell_count
 from rcdn.corners.adaptive import nearest_pitch
@@ -157,14 +157,10 @@ are in cells of one colour, clutter is anywhere"""
 def skips_lines(grid: Grid, field: Field) -> bool:
     """Whether the grid's lines pass by others of the same board, as where motion or interlacing hides their edges: then
     strong corners that are not the grid's lie in the middle of its cells or of their sides."""
-    labels, xy = grid.labels, grid.xy[grid.corners]
-    (ring,) = CHECKER.cells
-    rows = at_steps(labels, labels, [(0, 0), *ring])
-    whole = (rows >= 0).all(axis=1)
-    corners, colour = xy[rows[whole]], labels[whole].sum(axis=1) % 2
+    corners, colour = _whole_cells(grid)
     free = field.strong.copy()
     free[grid.corners[grid.corners < len(free)]] = False
-    other = field.xy[field.near(free, xy, 0.0)]
+    other = field.xy[field.near(free, grid.xy[grid.corners], 0.0)]
     if len(other) < SKIPPED * len(corners):
         return False
     after = np.roll(corners, -1, axis=1)
@@ -177,6 +173,44 @@ def skips_lines(grid: Grid, field: Field) -> bool:
         return False
     next_to = np.isin(np.arange(len(corners)), cell[between])
     return all((next_to & (colour == k)).sum() >= max(EITHER * (colour == k).sum(), 1) for k in (0, 1))
+
+
+ASIDE, STRIPED = 0.25, 0.45
+"""squares from either end of a side, beyond the blur of a corner, at which it is sampled; and the least difference of
+the grey levels there between the corners of the two diagonal directions, share of the contrast, from which on a lattice
+lies across stripes"""
+
+
+def is_striped(grid: Grid, field: Field) -> bool:
+    """Whether the grid lies diagonally across stripes: hazard marking, corrugated sheets, hatching.
+
+    Its cells are dark and bright in turn there, too. But every second corner is in the middle of a dark stripe, and its
+    neighbours are in bright ones, and so are the sides of the cells beside them; those of a board are between its dark
+    and its bright squares at all corners.
+    """
+    row, _, start, end = _edges(grid)
+    near, far = (sample_grey(field.grey, a + ASIDE * (b - a)) for a, b in ((start, end), (end, start)))
+    difference = np.where(grid.labels[row].sum(axis=1) % 2 == 0, near - far, far - near).mean()
+    known = field.contrast[grid.corners[grid.corners < len(field.xy)]]
+    contrast = max(median(known) if len(known) else 0.0, _cell_contrast(grid, field.grey))
+    return bool(abs(difference) > STRIPED * contrast)
+
+
+def _cell_contrast(grid: Grid, grey: Array) -> float:
+    """Difference between the usual grey levels in the middles of a grid's cells of either colour; 0 without both."""
+    corners, colour = _whole_cells(grid)
+    middle = sample_grey(grey, corners.mean(axis=1))
+    levels = [middle[colour == k] for k in (0, 1)]
+    return abs(median(levels[0]) - median(levels[1])) if all(map(len, levels)) else 0.0
+
+
+def _whole_cells(grid: Grid) -> tuple[Array, Array]:
+    """Corners (C, 4, 2) px of a grid's complete cells, each in order around it, and the cells' colours (C,) 0 or 1."""
+    labels = grid.labels
+    (ring,) = CHECKER.cells
+    rows = at_steps(labels, labels, [(0, 0), *ring])
+    whole = (rows >= 0).all(axis=1)
+    return grid.xy[grid.corners][rows[whole]], labels[whole].sum(axis=1) % 2
 
 
 def is_full(grid: Grid) -> bool:

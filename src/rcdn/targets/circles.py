@@ -1,15 +1,18 @@
-"""Distinguishes a grid of circles from a checkerboard: the gaps between discs form a square lattice of saddles, too.
+"""Distinguishes grids of circles and meshes from a checkerboard: the gaps between discs form a square lattice of
+saddles, too, and so do the bars between the holes of a chain-link fence or a grating.
 
 The squares of a board are sampled relative to their own corners. On a checkerboard dark and bright squares are alike
 except for their colour, and their edges are straight from corner to corner; in a grid of circles the dark "squares" are
-round, and the bright ones are the remainder. Both are modelled with a blur; the model that leaves less of the variance
-of the board's median square unexplained is accepted. Cameras clip white and black and have a nonlinear response between
-them, which rounds the corners of squares: both models include that.
+round, in a mesh the dark or bright ones stand on their corners, and the others are the remainder. All are modelled with
+a blur; the model that leaves less of the variance of the board's median square unexplained is accepted. Cameras clip
+white and black and have a nonlinear response between them, which rounds the corners of squares: all models include
+that.
 """
 
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import Literal
 
 import numpy as np
 
@@ -18,6 +21,8 @@ from rcdn.types import Array
 
 RADII = np.arange(0.2, 0.72, 0.025)
 """candidate radii of discs, squares: at 0.71 they touch, and under 0.28 their gaps are seldom detected as corners"""
+HOLES = np.arange(0.3, 0.96, 0.05)
+"""candidate half-diagonals of a mesh's holes, squares: at 1 nothing is left of the bars between them"""
 BLURS = np.geomspace(0.03, 0.45, 12)
 """candidate standard deviations of the blur, squares"""
 LEVELS = np.arange(0.55, 0.96, 0.05)
@@ -32,22 +37,28 @@ FAINT = 0.01
 FINE = 4
 """subdivision of one of SAMPLES in the models' raster"""
 SHARE, ROUND, STRAIGHT = 0.3, 0.04, 0.004
-"""thresholds of the variance left unexplained: by the discs, at most SHARE of what the checkerboard leaves and at most
-ROUND of the total; by the checkerboard, at least STRAIGHT of the total, since under a wide blur both models are the
+"""thresholds of the variance left unexplained: by discs or holes, at most SHARE of what the checkerboard leaves and at
+most ROUND of the total; by the checkerboard, at least STRAIGHT of the total, since under a wide blur all models are the
 same"""
 
+Other = Literal["circles", "mesh"]
 
-def is_circle_grid(samples: CornerSamples) -> bool:
-    """Whether the squares of a board are discs and the gaps between them; False if that can't be decided."""
+
+def other_pattern(samples: CornerSamples) -> Other | None:
+    """What a board is if its squares are discs or the holes of a mesh, and the remainder; None if it is a checkerboard,
+    or if that can't be decided."""
     square = _median_square(samples)
-    discs, squares = _models()
-    straight = _unexplained(squares, square)
+    straight = _unexplained(_squares_seen(), square)
     if straight < STRAIGHT:
-        return False
+        return None
     half = len(square) // 2
-    inverse = -np.concatenate([square[half:], square[:half]])  # bright discs
-    round_ = min(_unexplained(discs, square), _unexplained(discs, inverse))
-    return round_ <= min(SHARE * straight, ROUND)
+    inverse = -np.concatenate([square[half:], square[:half]])  # bright discs or holes
+    circles, mesh = (
+        min(_unexplained(models, square), _unexplained(models, inverse)) for models in (_discs_seen(), _holes_seen())
+    )
+    if min(circles, mesh) > min(SHARE * straight, ROUND):
+        return None
+    return "circles" if circles <= mesh else "mesh"
 
 
 def _median_square(samples: CornerSamples) -> Array:
@@ -95,11 +106,31 @@ def _unexplained(models: Array, seen: Array) -> float:
 
 
 @lru_cache
-def _models() -> tuple[Array, Array]:
-    """Models of discs, and of squares: (K, 2 · N) each, with mean 0 and variance 1."""
+def _squares_seen() -> Array:
+    """Models of a checkerboard, (K, 2 · N), with mean 0 and variance 1."""
+    x, y = _raster()
+    return _seen([_squares(x, y, shift) for shift in SHIFTS])
+
+
+@lru_cache
+def _discs_seen() -> Array:
+    """Models of a grid of circles, (K, 2 · N), with mean 0 and variance 1."""
+    x, y = _raster()
+    return _seen([_discs(x, y, radius) for radius in RADII])
+
+
+@lru_cache
+def _holes_seen() -> Array:
+    """Models of a mesh, (K, 2 · N), with mean 0 and variance 1."""
+    x, y = _raster()
+    return _seen([_holes(x, y, half) for half in HOLES])
+
+
+def _raster() -> tuple[Array, Array]:
+    """Positions x, y (2 · S · FINE, 2 · S · FINE) in two by two squares."""
     across = (np.arange(2 * SAMPLES * FINE) + 0.5) / (SAMPLES * FINE)
     x, y = np.meshgrid(across, across)
-    return _seen([_discs(x, y, radius) for radius in RADII]), _seen([_squares(x, y, shift) for shift in SHIFTS])
+    return x, y
 
 
 def _seen(drawn: list[Array]) -> Array:
@@ -122,6 +153,13 @@ def _discs(x: Array, y: Array, radius: float) -> Array:
     """White, 1, with discs of 0 at the centres of every other square; their edges are one step of the raster wide."""
     nearest = np.minimum(*(np.hypot(_off(x, k), _off(y, k)) for k in (0, 1)))
     return np.asarray(np.clip((nearest - radius) * SAMPLES * FINE + 0.5, 0, 1))
+
+
+def _holes(x: Array, y: Array, half: float) -> Array:
+    """White, 1, with squares of 0 that stand on their corners at the centres of every other square; `half`: half of
+    their diagonals."""
+    nearest = np.minimum(*(_off(x, k) + _off(y, k) for k in (0, 1)))
+    return np.asarray(np.clip((nearest - half) * SAMPLES * FINE / np.sqrt(2) + 0.5, 0, 1))
 
 
 def _squares(x: Array, y: Array, shift: float) -> Array:
