@@ -114,6 +114,8 @@ def convert(
     else:
         if inputs[0].exists():
             _refuse(of_detections, f"{inputs[0]} holds no detections")
+            if out == console.STDOUT and to is None:
+                raise FormatError(f"-: standard output; name its format with --to: {', '.join(camera_formats())}")
         _convert_cameras(inputs, out, to, camera_name, lossy)
     console.note_written([out])
 
