@@ -32,7 +32,10 @@ FITTED, PER_BOARD = (800, 4000), 100
 MOVED = 0.02
 """least move of a corner in the last fit, squares, with which a board is read again (of 51 rendered boards the 7 that
 it decided had moved by .044 or more; elsewhere one of .014 is lost)"""
-NO_CIRCLES = "not supported: a circle grid (the gaps between its circles are no {} × {} corners)"
+NO_CORNERS: dict[Other, str] = {
+    "circles": "not supported: a circle grid (the gaps between its circles are no {} × {} corners)",
+    "mesh": "not supported: a mesh, or squares without their corners (the bars between them are no {} × {} corners)",
+}
 MIRRORED = READ_IN_A_MIRROR + "{} has no numbers, since its codes are seen in a mirror; flip the picture"
 
 
@@ -130,8 +133,8 @@ class Detector:
         certainly plain.
 
         Lattices of tags are kept only if their codes were read, since nothing else distinguishes them from other
-        patterns. `warnings` note codes that can be read only in the mirror image, and circle grids, which are no
-        boards; meshes are none, either.
+        patterns. `warnings` note codes that can be read only in the mirror image, and circle grids and meshes, which
+        are no boards.
         """
         if self.config.pattern == "deltille":
             return boards
@@ -142,10 +145,10 @@ class Detector:
             known = self._read(grey, board, warnings) if coded else board
             plain &= not coded
             other = self._other_pattern(samples) if known.target is None else None
-            if other == "circles":
-                warnings.add("circles", NO_CIRCLES.format(*board.size))
-            elif other is None:
+            if other is None:
                 out.append(known)
+            else:
+                warnings.add(other, NO_CORNERS[other].format(*board.size))
         if self.config.target != "plain" and not plain:
             pieces = [piece for result in results for piece in result.pieces()]
             if pieces or any(board.target is not None for board in out):

@@ -41,3 +41,14 @@ def test_a_board_stays_whole_while_it_moves_diagonally_by_half_a_square(side, an
         shift = np.array([[1, 0, t * np.cos(way)], [0, 1, t * np.sin(way)]])
         moved += cv2.warpAffine(board, shift, size, borderMode=cv2.BORDER_REPLICATE) / 41
     assert [len(board) for board in DETECTOR.detect(moved.astype(np.uint8)).boards] == [54]
+
+
+@pytest.mark.parametrize(("side", "light"), [(12, 0.2), (24, 0.1), (36, 0.1), (36, 0.2)])
+def test_the_edge_of_a_shadow_along_a_diagonal_takes_no_small_board(side, light):
+    """It crosses a third of the sides of a board of 3 × 3 corners, and makes all of these darker at the same end."""
+    board = np.add.outer(np.arange(4), np.arange(4)) % 2 * 190.0 + 40
+    board = cv2.copyMakeBorder(np.kron(board, np.ones((side, side))), *[side] * 4, cv2.BORDER_CONSTANT, value=230)
+    y, x = np.mgrid[: len(board), : len(board)]
+    shaded = np.where(x - y > -1.5 * side, light, 1.0) * board
+    found = DETECTOR.detect(cv2.GaussianBlur(shaded, (0, 0), 0.7).astype(np.uint8))
+    assert [len(board) for board in found.boards] == [9]

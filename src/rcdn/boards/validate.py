@@ -175,25 +175,26 @@ def skips_lines(grid: Grid, field: Field) -> bool:
     return all((next_to & (colour == k)).sum() >= max(EITHER * (colour == k).sum(), 1) for k in (0, 1))
 
 
-ASIDE, STRIPED = 0.25, 0.45
+ASIDE, STRIPED = 0.25, 0.55
 """squares from either end of a side, beyond the blur of a corner, at which it is sampled; and the least difference of
-the grey levels there between the corners of the two diagonal directions, share of the contrast, from which on a lattice
-lies across stripes"""
+the grey levels there between the corners of even and of odd u + v, share of the contrast, from which on a lattice lies
+across stripes"""
 
 
 def is_striped(grid: Grid, field: Field) -> bool:
     """Whether the grid lies diagonally across stripes: hazard marking, corrugated sheets, hatching.
 
     Its cells are dark and bright in turn there, too. But every second corner is in the middle of a dark stripe, and its
-    neighbours are in bright ones, and so are the sides of the cells beside them; those of a board are between its dark
-    and its bright squares at all corners.
+    neighbours are in bright ones, and so are the sides of the cells a quarter of their length from them; those of a
+    board are between its dark and its bright squares everywhere. The median over all sides ignores the edge of a
+    shadow.
     """
     row, _, start, end = _edges(grid)
     near, far = (sample_grey(field.grey, a + ASIDE * (b - a)) for a, b in ((start, end), (end, start)))
-    difference = np.where(grid.labels[row].sum(axis=1) % 2 == 0, near - far, far - near).mean()
+    difference = median(np.where(grid.labels[row].sum(axis=1) % 2 == 0, near - far, far - near))
     known = field.contrast[grid.corners[grid.corners < len(field.xy)]]
     contrast = max(median(known) if len(known) else 0.0, _cell_contrast(grid, field.grey))
-    return bool(abs(difference) > STRIPED * contrast)
+    return abs(difference) > STRIPED * contrast
 
 
 def _cell_contrast(grid: Grid, grey: Array) -> float:

@@ -42,19 +42,20 @@ most ROUND of the total; by the checkerboard, at least STRAIGHT of the total, si
 same"""
 
 Other = Literal["circles", "mesh"]
+OTHERS: tuple[Other, ...] = ("circles", "mesh")
 
 
 def other_pattern(samples: CornerSamples) -> Other | None:
     """What a board is if its squares are discs or the holes of a mesh, and the remainder; None if it is a checkerboard,
     or if that can't be decided."""
     square = _median_square(samples)
-    straight = _unexplained(_squares_seen(), square)
+    straight = _unexplained(_models("squares"), square)
     if straight < STRAIGHT:
         return None
     half = len(square) // 2
     inverse = -np.concatenate([square[half:], square[:half]])  # bright discs or holes
     circles, mesh = (
-        min(_unexplained(models, square), _unexplained(models, inverse)) for models in (_discs_seen(), _holes_seen())
+        min(_unexplained(_models(other), square), _unexplained(_models(other), inverse)) for other in OTHERS
     )
     if min(circles, mesh) > min(SHARE * straight, ROUND):
         return None
@@ -106,31 +107,15 @@ def _unexplained(models: Array, seen: Array) -> float:
 
 
 @lru_cache
-def _squares_seen() -> Array:
-    """Models of a checkerboard, (K, 2 · N), with mean 0 and variance 1."""
-    x, y = _raster()
-    return _seen([_squares(x, y, shift) for shift in SHIFTS])
-
-
-@lru_cache
-def _discs_seen() -> Array:
-    """Models of a grid of circles, (K, 2 · N), with mean 0 and variance 1."""
-    x, y = _raster()
-    return _seen([_discs(x, y, radius) for radius in RADII])
-
-
-@lru_cache
-def _holes_seen() -> Array:
-    """Models of a mesh, (K, 2 · N), with mean 0 and variance 1."""
-    x, y = _raster()
-    return _seen([_holes(x, y, half) for half in HOLES])
-
-
-def _raster() -> tuple[Array, Array]:
-    """Positions x, y (2 · S · FINE, 2 · S · FINE) in two by two squares."""
+def _models(pattern: Literal["squares", "circles", "mesh"]) -> Array:
+    """Models of a pattern in two by two squares, (K, 2 · N), with mean 0 and variance 1."""
     across = (np.arange(2 * SAMPLES * FINE) + 0.5) / (SAMPLES * FINE)
     x, y = np.meshgrid(across, across)
-    return x, y
+    if pattern == "squares":
+        return _seen([_squares(x, y, shift) for shift in SHIFTS])
+    if pattern == "circles":
+        return _seen([_discs(x, y, radius) for radius in RADII])
+    return _seen([_holes(x, y, half) for half in HOLES])
 
 
 def _seen(drawn: list[Array]) -> Array:
