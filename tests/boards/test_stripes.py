@@ -31,7 +31,7 @@ def test_stripes_are_no_board(period, wavy):
 
 @pytest.mark.parametrize("side", [10, 24])
 @pytest.mark.parametrize("angle", [45, 30, 0])
-def test_a_board_stays_whole_while_it_moves_diagonally_by_half_a_square(side, angle):
+def test_a_board_stays_whole_while_it_moves_by_half_a_diagonal(side, angle):
     """Motion along one diagonal draws a board out to stripes: every second corner becomes dark, the others bright."""
     board = np.add.outer(np.arange(7), np.arange(10)) % 2 * 190.0 + 40
     board = cv2.copyMakeBorder(np.kron(board, np.ones((side, side))), *[side] * 4, cv2.BORDER_CONSTANT, value=230)
