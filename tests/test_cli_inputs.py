@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import fields
+from dataclasses import fields, replace
 from functools import partial
 from pathlib import Path
 
@@ -39,7 +39,8 @@ from rcdn.cli import detect as verb
 from rcdn.config import DetectorConfig
 from rcdn.errors import ConfigError, RcdnError
 from rcdn.io import ImageResult, read_detections, write_detections, write_vnl
-from rcdn.types import Corners
+from rcdn.terminal import console
+from rcdn.types import Charuco, Corners
 
 CONFIG = DetectorConfig()
 
@@ -59,6 +60,7 @@ def home(monkeypatch, tmp_path):
     folder = tmp_path / "home"
     folder.mkdir()
     monkeypatch.chdir(folder)
+    console.begin()  # as every command does
     return folder
 
 
@@ -112,6 +114,19 @@ def test_warnings_of_which_the_caller_speaks_are_kept_but_not_printed(home, caps
     assert capsys.readouterr().err == "warning: much.png: too many\n"
     gather("much.png", silent="")
     assert capsys.readouterr().err == "warning: much.png: too many; far too many\n"
+
+
+def test_what_a_file_read_twice_is_warned_of_is_printed_once_a_command(home, capsys):
+    picture(Path("much.png"), missing=LIMITED)
+    Path("text.png").write_text("no picture")
+    both = []
+    for _ in range(2):
+        console.begin()
+        first, again = (gather("much.png", "text.png") for _ in range(2))
+        assert len(first.failures) == len(again.failures) == 1
+        both.append(capsys.readouterr().err)
+    assert both[0] == both[1]
+    assert both[0].count("warning: much.png") == both[0].count("error: text.png") == 1
 
 
 # ---- processes
@@ -418,6 +433,25 @@ def test_a_picture_and_its_saved_detections_count_once(home):
     saved("d.json", "a.png", "b.png")
     assert [len(i.corners) for i in gather("a.png", "d.json").images] == [55, 1]
     assert [len(i.corners) for i in gather("d.json", "a.png", home / "a.png").images] == [1, 1]
+
+
+def test_saved_boards_that_are_not_as_asked_are_told(home):
+    picture(Path("a.png"))
+    (found,) = outcomes([Path("a.png")], 1)[0]
+    plain = found.boards[0]
+    ids = np.arange(len(plain)) + 1
+    coded = replace(plain, target=Charuco(10, 7, "DICT_4X4_50", 0.75), ids=ids)
+    images = [ImageResult(f"{k}.png", 100, 80, found.corners, (b,)) for k, b in enumerate((plain, coded, coded))]
+    write_detections("d.json", images, ())
+
+    def notes(**settings):
+        return _inputs.gather(["d.json"], DetectorConfig(**settings), jobs=1, make=StandIn).notes
+
+    assert notes() == notes(target=Charuco(10, 7, "DICT_4X4_50", 0.75)) == ()
+    assert notes(target="plain") == ("d.json: 2 boards with codes, used as saved: --target is for pictures",)
+    asked = notes(pattern="deltille", target="plain")
+    assert asked[0] == "d.json: 3 boards of squares, used as saved: --pattern is for pictures"
+    assert len(asked) == 2
 
 
 @pytest.mark.parametrize("inputs", [["missing.png"], ["empty"], ["*.tif"], [""], []])

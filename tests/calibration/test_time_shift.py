@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from rcdn.calibration import calibrate_rig
 from rcdn.calibration.board_paths import times_of
+from rcdn.calibration.rig_facts import judged_rig
 from rcdn.calibration.rough_shifts import _against_references
 from rcdn.geometry import rotation
 from rcdn_lab.camera_scenes import SPACING, board, see
@@ -74,6 +75,10 @@ def test_late_cameras_are_told_against_those_that_are_in_step(uncorrected):
     assert "c1 is 0." in reason.sentence
     assert "--correct-time" in reason.action
     assert uncorrected.corrected == ()
+    tried = judged_rig(uncorrected, correct_time=True).verdict
+    (reason,) = [r for r in tried.against if r.key == "time_shift"]
+    assert "--correct-time" not in reason.action
+    assert "did not explain the corners better" in reason.action
 
 
 def test_corrected_shifts_are_exact_to_their_deviations(corrected):

@@ -85,11 +85,11 @@ def test_one_camera_of_a_pair_and_a_pair_where_there_is_no_place_for_it(run):
     assert "no place for the pose of a pair" in result.stderr
     result = run("pair.json", "pair.cameramodel")
     assert result.exit_code == 0
-    assert "pair.cameramodel: a file a camera: pair_left.cameramodel, pair_right.cameramodel" in result.stderr
+    assert "written: pair_left.cameramodel, pair_right.cameramodel\n" in result.stderr
     assert Path("pair_left.cameramodel").exists()
     assert Path("pair_right.cameramodel").exists()
     result = run("pair.json", "maps.npz")
-    assert "maps.npz: a file a camera: maps_left.npz, maps_right.npz" in result.stderr
+    assert "written: maps_left.npz, maps_right.npz\n" in result.stderr
     result = run("pair.json", "-", "--to", "ros")
     assert result.exit_code == 2
     assert [p.name for p in Path().iterdir() if "-" in p.name] == []

@@ -152,16 +152,21 @@ class Outputs:
     def write(
         self,
         kept: bool,
-        camera: Callable[[Path], object],
+        camera: Callable[[Path], Sequence[Path]],
         json: Callable[[Path], object],
         report: Callable[[Path], object],
     ) -> bool:
         """Write each file by its function, the camera files only if `kept`, and report what was and was not written.
+        `camera` returns the files it wrote: in some formats there is one for each camera.
 
         Returns True if every requested file was written.
         """
-        cameras = self.cameras if kept else []
-        tasks = [*((path, camera) for path in cameras), (self.json, json), (self.report, report)]
+        cameras, files = self.cameras if kept else [], dict[Path, Sequence[Path]]()
+
+        def write_cameras(path: Path) -> None:
+            files[path] = camera(path)
+
+        tasks = [*((path, write_cameras) for path in cameras), (self.json, json), (self.report, report)]
         written = write_each(tasks)
         if self.cameras and not kept:
             lost = ", ".join(str(p) for p in self.cameras)
@@ -169,7 +174,7 @@ class Outputs:
                 f"not written: {lost}: these pictures don't settle the camera; --force writes it all the same", err=True
             )
         if written:
-            console.note_written(written)
+            console.note_written(file for path in written for file in files.get(path, [path]))
         elif not self.files:
             console.note("nothing is written; add -o camera.yaml, --report report.html or --json calibration.json")
         return len(written) == len(self.files) and not self.refused

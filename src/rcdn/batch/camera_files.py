@@ -141,9 +141,9 @@ def _example(model: str) -> Camera:
     return Camera(np.array([[500.0, 0, 319.5], [0, 500, 239.5], [0, 0, 1]]), np.full(numbers, 0.01), (640, 480), kind)
 
 
-def write_one(path: Path, camera: Camera, format: CameraFormat | None, fit: LensFit | None = None) -> None:
+def write_one(path: Path, camera: Camera, format: CameraFormat | None, fit: LensFit | None = None) -> list[Path]:
     """Write a camera, or, in a format that has no place for its correction, `fit` (default: the nearest lens); print
-    which of its properties the format can't represent."""
+    which of its properties the format can't represent. Returns the file."""
     from rcdn.io import write_camera, write_maps
 
     _note_format(path, format)
@@ -151,42 +151,39 @@ def write_one(path: Path, camera: Camera, format: CameraFormat | None, fit: Lens
         write_maps(path, camera)
     else:
         _note_fits(path, [write_camera(path, camera, format, fit)])
+    return [path]
 
 
-def write_calibrated(path: Path, done: Calibration, format: CameraFormat | None) -> None:
+def write_calibrated(path: Path, done: Calibration, format: CameraFormat | None) -> list[Path]:
     """Write the camera of a calibration, as `write_one`; in a format that has no place for its correction, the camera
-    that the same corners give without one."""
+    that the same corners give without one. Returns the file."""
     from rcdn.calibration.plain_lens import plain_fit
 
-    write_one(path, done.camera, format, None if holds_maps(path, format) else plain_fit(str(path), done, format))
+    fit = None if holds_maps(path, format) else plain_fit(str(path), done, format)
+    return write_one(path, done.camera, format, fit)
 
 
-def write_pair(path: Path, found: StereoCalibration | StereoCameras, format: CameraFormat | None) -> None:
-    """Write two cameras, and print which of their properties the format can't represent."""
+def write_pair(path: Path, found: StereoCalibration | StereoCameras, format: CameraFormat | None) -> list[Path]:
+    """Write two cameras, and print which of their properties the format can't represent. Returns the files."""
     from rcdn.io import StereoCameras, lens_fit, write_stereo, write_stereo_maps
 
     _note_format(path, format)
     if holds_maps(path, format):
-        _note_files(path, write_stereo_maps(path, found))
-        return
-    _note_files(path, write_stereo(path, found, format))
+        return write_stereo_maps(path, found)
+    files = write_stereo(path, found, format)
     pair = StereoCameras.of(found)
     _note_fits(path, [lens_fit(path, camera, format) for camera in (pair.left, pair.right)])
+    return files
 
 
-def write_rig_files(path: Path, rig: Rig, format: CameraFormat | None) -> None:
-    """Write the cameras of a rig, and print which of their properties the format can't represent."""
+def write_rig_files(path: Path, rig: Rig, format: CameraFormat | None) -> list[Path]:
+    """Write the cameras of a rig, and print which of their properties the format can't represent. Returns the files."""
     from rcdn.io import rig_paths, write_rig
 
     for name, fit in zip(rig.names, write_rig(path, rig, format), strict=True):
         if fit is not None:
             console.note(f"{path}: camera {name}: {fit.text}")
-    _note_files(path, rig_paths(path, rig.names, format))
-
-
-def _note_files(path: Path, files: Sequence[Path]) -> None:
-    if len(files) > 1:
-        console.note(f"{path}: a file a camera: {', '.join(str(f) for f in files)}")
+    return rig_paths(path, rig.names, format)
 
 
 def check_exact(path: Path, lens: str, fit: LensFit | None) -> None:

@@ -27,6 +27,7 @@ from rcdn.batch.work import (
     with_cached,
 )
 from rcdn.errors import ConfigError, ImageError, many
+from rcdn.terminal.console import first_time
 from rcdn.terminal.group import print_error
 from rcdn.terminal.progress import Bar, progress
 
@@ -91,11 +92,20 @@ def gather(
     run = _Run(expanded(inputs), frames, numbers, silent)
     if not run.paths:
         raise ConfigError("there is nothing to read; name pictures, videos, folders that hold some, or detections")
-    run.read_saved(size)
+    run.read_saved(size, config)
     jobs = pool.jobs_for(jobs, list(run.shot.values()))
     config = pool.config_of_process(config, jobs)
     run.detect(Work(partial(make, config), cache), jobs)
     return run.gathered()
+
+
+def _not_as_asked(images: Sequence[ImageResult], config: DetectorConfig) -> Iterator[str]:
+    """Sentences on boards that were saved and that a detection with these settings wouldn't give."""
+    boards = [board for image in images for board in image.boards]
+    if config.pattern == "deltille" and (squares := sum(board.pattern != "deltille" for board in boards)):
+        yield f"{many(squares, 'board')} of squares, used as saved: --pattern is for pictures"
+    if config.target == "plain" and (coded := sum(board.target is not None for board in boards)):
+        yield f"{many(coded, 'board')} with codes, used as saved: --target is for pictures"
 
 
 @dataclass
@@ -125,12 +135,13 @@ class _Run:
 
     # ---- detections that were saved
 
-    def read_saved(self, size: tuple[int, int] | None) -> None:
+    def read_saved(self, size: tuple[int, int] | None, config: DetectorConfig) -> None:
         for index, path in enumerate(self.paths):
             if index in self.shot:
                 continue
             try:
                 self._images[index] = self._saved(path, size)
+                self._notes += [f"{path}: {other}" for other in _not_as_asked(self._images[index], config)]
             except Exception as error:
                 self._fail(Failure(str(path), explain(error, str(path))), print_error)
 
@@ -162,14 +173,16 @@ class _Run:
                         self._fail(outcome, bar.print_error)
                         continue
                     self._images[done.index].append(outcome)
-                    if aloud := [w for w in outcome.warnings if not (self._silent and w.startswith(self._silent))]:
-                        bar.warn(warning_text(outcome.path, aloud))
+                    aloud = [w for w in outcome.warnings if not (self._silent and w.startswith(self._silent))]
+                    if aloud and first_time(text := warning_text(outcome.path, aloud)):
+                        bar.warn(text)
         if work.cache is not None:
             work.cache.prune()
 
     def _fail(self, failure: Failure, report: Callable[[str], None]) -> None:
         self.failures.append(failure)
-        report(failure.message)
+        if first_time(failure.message):
+            report(failure.message)
 
     def _counted(self, pictures: Iterator[Picture]) -> Iterator[Picture]:
         for picture in pictures:

@@ -56,8 +56,8 @@ def _has_transforms(path: Path) -> bool:
     return path.stem.endswith(f"_{TRANSFORMS}")
 
 
-def convert_rig(inputs: Sequence[Path], out: Path, format: CameraFormat | None, lossy: bool) -> None:
-    """Write the rig in `inputs` to `out`, and print what that format can't represent."""
+def convert_rig(inputs: Sequence[Path], out: Path, format: CameraFormat | None, lossy: bool) -> list[Path]:
+    """Write the rig in `inputs` to `out`, and print what that format can't represent. Returns the files."""
     from rcdn.batch.camera_files import a_file_a_camera, check_exact, check_format, write_rig_files
     from rcdn.io import read_rig, rig_format
     from rcdn.io.rig_files import lens_fits
@@ -70,6 +70,7 @@ def convert_rig(inputs: Sequence[Path], out: Path, format: CameraFormat | None, 
     for name, fit in zip(rig.names, lens_fits(out, rig, format), strict=True):
         if not lossy:
             check_exact(out, f"the lens of camera {name}", fit)
-    write_rig_files(out, rig, format)
+    files = write_rig_files(out, rig, format)
     if rig.covariance is not None and kind != "json":
         console.note(f"{out}: holds no covariance of the cameras' places; json does")
+    return files

@@ -101,7 +101,8 @@ def calibrate_rig(
     spaced = alone[task.shape].spacing
     fit = fitted(task.joint, state, shaped=alone[task.shape].shape is not None, spacing=spaced)
     step = in_step(task, fit, time, correct_time, spaced, [lags.get(c, 0) for c in main])
-    return _result(task, step, order, alone, graph, tuple(n for n in order if n in given))
+    found = _result(task, step, order, alone, graph, tuple(n for n in order if n in given))
+    return judged_rig(found, correct_time)
 
 
 def _checked(name: str, boards: Sequence[Board]) -> Sequence[Board]:
@@ -211,7 +212,7 @@ def _result(
     rig = solution.rig(names)
     done = solution.cameras(alone, rig)
     boards = {key: T for key, T in task.poses_of(fit.state).items() if not fit.reasons[task.boards[key]]}
-    found = RigCalibration(
+    return RigCalibration(
         rig=rig,
         cameras=dict(zip(order, done, strict=True)),
         boards=boards,
@@ -225,7 +226,6 @@ def _result(
         given=given,
         fixed_boards=_boards(task, fit, alone, solution.cov[solution.places.stop :, solution.places.stop :]),
     )
-    return judged_rig(found)
 
 
 def _boards(task: RigTask, fit: robust.Fit, alone: Sequence[Calibration], cov: Array) -> tuple[FixedBoard, ...]:

@@ -94,19 +94,19 @@ def _link(
     return (bool(common), score), MissingLink(order[a], order[b], views[0].name, views[1].name, bool(common))
 
 
-def judged_rig(found: RigCalibration) -> RigCalibration:
-    """`found` with its verdict and those of its cameras."""
+def judged_rig(found: RigCalibration, correct_time: bool = False) -> RigCalibration:
+    """`found` with its verdict and those of its cameras; `correct_time`: a correction of its time shifts was tried."""
     cameras = {
         name: judged_known(camera) if name in found.given else judged(camera) for name, camera in found.cameras.items()
     }
     reasons = [
-        *_rig_reasons(found),
+        *_rig_reasons(found, correct_time),
         *(r for name, c in cameras.items() for r in _of_camera(name, c)),
     ]
     return replace(found, cameras=cameras, verdict=verdict_of(reasons))
 
 
-def _rig_reasons(found: RigCalibration) -> list[Reason]:
+def _rig_reasons(found: RigCalibration, correct_time: bool) -> list[Reason]:
     late = {name: s for name, s in (found.shifts or {}).items() if s.clear and name not in found.corrected}
     in_step = _lateness({name: s for name, s in (found.shifts or {}).items() if name in found.corrected})
     factor = max(growth(c.image_size) for c in found.rig.cameras)
@@ -131,7 +131,9 @@ def _rig_reasons(found: RigCalibration) -> list[Reason]:
             "time_shift", len(late),
             f"Brought into step: {in_step}." if in_step else "No camera is out of step, as far as moving boards tell.",
             f"Out of step: {_lateness(late)}.",
-            "Trigger the cameras together, hold the board still, or have it corrected (--correct-time).",
+            "Trigger the cameras together, or hold the board still: correcting it did not explain the corners better."
+            if correct_time
+            else "Trigger the cameras together, hold the board still, or have it corrected (--correct-time).",
         ),
         *_of_boards(found),
     ]  # fmt: skip

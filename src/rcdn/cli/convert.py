@@ -109,6 +109,7 @@ def convert(
         if inputs[0].exists():
             _refuse(of_cameras, f"{inputs[0]} holds detections")
         _convert_detections(inputs, out, to, board, image_size)
+        written = [out]
     elif (kind := to or out.suffix.lower().removeprefix(".")) in FORMATS and kind not in camera_formats():
         raise FormatError(f"{inputs[0]}: holds no detections, which {kind} is for; give a file of `rcdn detect`")
     else:
@@ -116,8 +117,8 @@ def convert(
             _refuse(of_detections, f"{inputs[0]} holds no detections")
             if out == console.STDOUT and to is None:
                 raise FormatError(f"-: standard output; name its format with --to: {', '.join(camera_formats())}")
-        _convert_cameras(inputs, out, to, camera_name, lossy)
-    console.note_written([out])
+        written = _convert_cameras(inputs, out, to, camera_name, lossy)
+    console.note_written(written)
 
 
 def _refuse(options: Mapping[str, bool], reason: str) -> None:
@@ -188,7 +189,8 @@ def _is_json(path: Path) -> bool:
 # ---- cameras
 
 
-def _convert_cameras(inputs: Sequence[Path], out: Path, to: str | None, name: str | None, lossy: bool) -> None:
+def _convert_cameras(inputs: Sequence[Path], out: Path, to: str | None, name: str | None, lossy: bool) -> list[Path]:
+    """Returns the files that were written."""
     from rcdn.batch.camera_files import (
         check_exact,
         check_format,
@@ -203,8 +205,7 @@ def _convert_cameras(inputs: Sequence[Path], out: Path, to: str | None, name: st
 
     format: CameraFormat | None = to  # type: ignore[assignment]
     if name is None and holds_rig(inputs, out):
-        convert_rig(inputs, out, format, lossy)
-        return
+        return convert_rig(inputs, out, format, lossy)
     check_format(out, format)
     calibrations = read_calibrations(inputs[0])
     if len(inputs) > 2:
@@ -212,22 +213,23 @@ def _convert_cameras(inputs: Sequence[Path], out: Path, to: str | None, name: st
     if len(inputs) == 2 or (name is None and len(read_cameras(inputs[0])) > 1):
         if name is not None:
             raise ConfigError("--camera-name is for one file with several cameras; leave it out, or give one file")
-        _convert_pair(inputs, out, format, lossy)
+        files = _convert_pair(inputs, out, format, lossy)
     else:
         known = calibrations.get("camera") if name is None else None
         if known is not None:
             if not lossy and not holds_maps(out, format):
                 check_exact(out, "the camera's lens", plain_fit(str(out), known, format))
-            write_calibrated(out, known, format)
+            files = write_calibrated(out, known, format)
         else:
             camera = chosen_camera(inputs[0], name, "IN")
             _check_loss(out, {"": camera}, format, lossy)
-            write_one(out, camera, format)
+            files = write_one(out, camera, format)
     if calibrations:
         console.note(f"{out}: holds the camera; views, deviations and the verdict are in {inputs[0]} only")
+    return files
 
 
-def _convert_pair(inputs: Sequence[Path], out: Path, format: CameraFormat | None, lossy: bool) -> None:
+def _convert_pair(inputs: Sequence[Path], out: Path, format: CameraFormat | None, lossy: bool) -> list[Path]:
     from rcdn.batch.camera_files import holds_maps, write_pair
     from rcdn.io.cameras import FORMATS as CAMERAS
     from rcdn.io.cameras import camera_format
@@ -237,9 +239,10 @@ def _convert_pair(inputs: Sequence[Path], out: Path, format: CameraFormat | None
     if out == console.STDOUT and (kind is None or CAMERAS[kind].pair_files > 1):
         raise ConfigError(f"a pair is two files in {kind or 'maps'}; name OUT, to which _left and _right are added")
     _check_loss(out, {"left ": pair.left, "right ": pair.right}, format, lossy)
-    write_pair(out, pair, format)
+    files = write_pair(out, pair, format)
     if pair.rectification is not None and kind is not None and not CAMERAS[kind].rectified:
         console.note(f"{out}: holds no rectification, which {kind} has no place for")
+    return files
 
 
 def _pair(inputs: Sequence[Path]) -> StereoCameras:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
@@ -22,10 +22,12 @@ Quiet = Annotated[
 
 @dataclass
 class _Output:
-    """Output settings of this run; reset at the start of each command."""
+    """Output settings of this run, and the errors and warnings of files that it `printed`; reset at the start of each
+    command."""
 
     quiet: bool = False
     piped: bool = False
+    printed: set[str] = field(default_factory=set)
 
 
 _output = _Output()
@@ -33,12 +35,20 @@ _output = _Output()
 
 def begin(quiet: bool = False, outputs: Iterable[Path | None] = ()) -> None:
     """Set the output of this run; `outputs`: the files that it will write, STDOUT among them if one goes there."""
-    _output.quiet, _output.piped = quiet, STDOUT in outputs
+    _output.quiet, _output.piped, _output.printed = quiet, STDOUT in outputs, set()
 
 
 def is_quiet() -> bool:
     """Whether only errors and warnings are printed."""
     return _output.quiet
+
+
+def first_time(message: str) -> bool:
+    """Whether this is the first time that this run prints the `message`: a video that is read twice has its errors and
+    warnings twice."""
+    known = message in _output.printed
+    _output.printed.add(message)
+    return not known
 
 
 def print_line(text: str) -> None:
