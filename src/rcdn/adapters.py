@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -27,10 +28,10 @@ def views(pictures: Iterable[Iterable[Board]], printed: Printed, several_cameras
 
     Corners are numbered as in `printed.ids`, and `printed.points()` is in the same order. If a picture shows several
     such boards, the one with the most corners is used. A coded board is accepted if exactly this target was read
-    (`DetectorConfig(target=printed.target)`), even if only a part of it is visible. A plain board is accepted if it
-    spans all columns and rows, since a part of it could lie in several places. With `several_cameras` its orientation
-    must also be `unique`, because otherwise each camera might count from a different corner. Raises ConfigError for
-    targets other than Checkerboard, Charuco and AprilGrid.
+    (`DetectorConfig(target=printed.target)`; `legacy` may differ), even if only a part of it is visible. A plain board
+    is accepted if it spans all columns and rows, since a part of it could lie in several places. With `several_cameras`
+    its orientation must also be `unique`, because otherwise each camera might count from a different corner. Raises
+    ConfigError for targets other than Checkerboard, Charuco and AprilGrid.
     """
     if not isinstance(printed.target, (Checkerboard, Charuco, AprilGrid)):
         raise ConfigError(
@@ -51,7 +52,10 @@ def _numbered(
     """Numbers (N,) of a board's corners on the target, in ascending order, and their positions (N, 2), px; None if the
     board is not a view of the target."""
     if not isinstance(target, Checkerboard):
-        if board.ids is None or board.target != target:
+        known = board.target
+        if isinstance(known, Charuco) and isinstance(target, Charuco):
+            known = replace(known, legacy=target.legacy)  # the corners of both layouts have the same numbers and places
+        if board.ids is None or known != target:
             return None
         order = np.argsort(board.ids)
         return board.ids[order], board.xy[order]

@@ -9,7 +9,7 @@ from tests.calibration.coded_views import APRILGRID, CHARUCO, coded_boards
 from rcdn.adapters import views
 from rcdn.errors import ConfigError
 from rcdn.geometry import project
-from rcdn.types import Board, Checkerboard, Deltille, Printed
+from rcdn.types import Board, Charuco, Checkerboard, Deltille, Printed
 from rcdn_lab.camera_scenes import CAMERAS
 
 
@@ -76,6 +76,16 @@ def test_parts_of_coded_boards_project_to_where_they_were_seen(target):
         assert (np.diff(view.ids) > 0).all()
         assert len(view.ids) < len(printed.ids)
         assert np.allclose(project(camera, view.points @ T[:3, :3].T + T[:3, 3]), view.xy, atol=1e-9)
+
+
+def test_the_layout_of_a_charuco_board_need_not_be_as_given():
+    """Corners of both layouts have the same places and numbers."""
+    even = Charuco(8, 6, "DICT_4X4_50", 0.75)
+    boards, _ = coded_boards(CAMERAS["brown"], even, 0.03, seed=3, views=2)
+    as_given, other = (views([boards], Printed(replace(even, legacy=flag), 0.03)) for flag in (False, True))
+    assert len(as_given) == len(other) == 1
+    assert np.array_equal(as_given[0].ids, other[0].ids)
+    assert np.array_equal(as_given[0].points, other[0].points)
 
 
 def test_boards_of_other_targets_are_not_taken():

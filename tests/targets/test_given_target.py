@@ -58,6 +58,21 @@ def test_legacy_says_nothing_of_an_odd_number_of_rows():
     assert Charuco(8, 6, "DICT_5X5_100", 0.8, legacy=True) != Charuco(8, 6, "DICT_5X5_100", 0.8)
 
 
+@pytest.mark.parametrize("size", [(8, 8), (5, 6), (6, 4)], ids=str)
+@pytest.mark.parametrize("printed", [False, True], ids=["current", "legacy"])
+def test_the_other_layout_is_read_and_named(size, printed):
+    """Few know which layout their board has. Boards with an odd number of columns, moved by a column, have nearly all
+    markers of the other layout."""
+    drawing = charuco(*size, "DICT_4X4_50", legacy=printed)
+    image, xy = seen(drawing, noise=2)
+    for asked in (False, True):
+        detector = Detector(DetectorConfig(target=Charuco(*size, "DICT_4X4_50", 0.75, legacy=asked)))
+        assert numbered(detector, image, drawing, xy) == (len(xy), 0, len(xy))
+        (board,) = detector.boards(image)
+        assert board.target == Charuco(*size, "DICT_4X4_50", 0.75, legacy=printed)
+        assert np.abs(board.xy - xy[board.ids]).max() < 0.2  # the codes are part of the fit: those that are there
+
+
 def test_smaller_parts_are_certain_than_of_any_target():
     """What competes is the places of one board, not all boards; and no part gets a wrong number."""
     given = Charuco(8, 6, "DICT_4X4_50", 0.75)

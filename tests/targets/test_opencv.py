@@ -55,6 +55,13 @@ def test_a_part_of_a_board_has_its_own_numbers():
     assert np.abs(corners[:, 0] + (250, 0) - truth[ids[:, 0]]).max() < 0.2
 
 
+def test_the_legacy_flag_need_not_be_right():
+    image, truth = seen(charuco(5, 6, "DICT_4X4_50"), noise=1)
+    corners, ids = rcdn.detect_charuco(image, board_of(5, 6, "DICT_4X4_50", legacy=True))
+    assert ids.ravel().tolist() == list(range(20))
+    assert np.abs(corners[:, 0] - truth).max() < 0.2
+
+
 def test_nothing_where_there_is_no_such_board():
     image, _ = seen(charuco(5, 7, "DICT_4X4_50"))
     for other in (

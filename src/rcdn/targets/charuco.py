@@ -204,12 +204,19 @@ def _seen_whole(ended: Array) -> bool:
 
 
 def _place(scored: list[_Scores], given: Charuco) -> Reading | None:
+    """The likeliest position on the `given` board, or, where that explains more by `MARGIN`, on the same one of the
+    other layout (legacy or not): few know which of them is theirs."""
+    usable = [s for s in scored if (s.appearance.white < 0) == given.inverted]
+    own, other = (_place_on(usable, board) for board in (given, replace(given, legacy=not given.legacy)))
+    return other if other is not None and other.bits > (MARGIN + own.bits if own is not None else 0) else own
+
+
+def _place_on(scored: list[_Scores], given: Charuco) -> Reading | None:
     """The likeliest position on the `given` board, if it is certain among all positions and orientations on that
     board."""
-    usable = [s for s in scored if (s.appearance.white < 0) == given.inverted]
     count = 0
     layouts: list[_Layout] = []
-    for scores in usable:
+    for scores in scored:
         places = scores.places_on(given)
         count += len(places)
         layouts += scores.scored(places, given.rows)
@@ -366,14 +373,15 @@ class _Scores:
         return np.stack([u, v, columns, odd, np.zeros_like(u)], axis=1)[fits]
 
     def places_on(self, given: Charuco) -> Real[Array, "m 5"]:
-        """All layouts (M, 5) on the `given` board."""
+        """All layouts (M, 5) on the `given` board that have markers in the squares where some are seen."""
         height, width = self.shape
         odd = odd_markers(given)
         most = given.rows or int(place_of(np.array(len(self.family)), np.array(given.columns), np.array(odd))[1]) + 1
         # the outermost squares that were sampled may lie beyond the board
         u, v = np.meshgrid(np.arange(-1, given.columns - width + 2), np.arange(-1, most - height + 2))
+        u, v = (a[(u + v + self.column[0] + self.row[0]) % 2 == odd] for a in (u, v))
         known = (np.full(u.size, n) for n in (given.columns, odd, given.first_id))
-        return np.stack([u.ravel(), v.ravel(), *known], axis=1)
+        return np.stack([u, v, *known], axis=1)
 
     def _whole_boards(self) -> Real[Array, "m 5"]:
         """Hypotheses of layouts (M, 5) of boards that are exactly the squares seen; the squares with markers determine
