@@ -17,6 +17,7 @@
 #define SEEN 8    /* rows of the normalised image that are kept */
 
 typedef float floats __attribute__((vector_size(4 * FLOATS)));
+typedef int32_t ints __attribute__((vector_size(4 * FLOATS)));
 typedef float sixteen __attribute__((vector_size(64))); /* with AVX-512 */
 enum { PARTS = NARROW / FLOATS };
 
@@ -74,19 +75,22 @@ INLINE void store_levels(uint8_t *p, const float x[NARROW]) {
     }
 }
 
-/* x[k] = 1 / (1 + exp(−x[k])), error below 1e-6. */
-INLINE void sigmoid(float x[NARROW]) {
-    for (int k = 0; k < NARROW; k++) {
-        const float least = x[k] > -80 ? x[k] : -80, t = (least < 80 ? least : 80) * -1.44269504f;
-        const int32_t whole = (int32_t)t, power = (whole + 127) << 23;
-        const float f = (t - (float)whole) * 0.69314718f;
-        const float part =
-            1 + f * (1 + f * (0.5f +
-                              f * (1 / 6.f + f * (1 / 24.f + f * (1 / 120.f + f * (1 / 720.f + f * (1 / 5040.f)))))));
-        float factor;
-        memcpy(&factor, &power, sizeof factor);
-        x[k] = 1 / (1 + part * factor);
-    }
+/* One of two numbers, each where `first` has all bits or none. */
+INLINE floats chosen(ints first, floats one, floats other) {
+    return (floats)((first & (ints)one) | (~first & (ints)other));
+}
+
+/* 1 / (1 + exp(−x)), error below 1e-6. */
+INLINE floats sigmoid(floats x) {
+    const floats most = x - x + 80;
+    x = chosen(x > -most, x, -most);
+    const floats t = chosen(x < most, x, most) * -1.44269504f;
+    const ints whole = __builtin_convertvector(t, ints);
+    const floats f = (t - __builtin_convertvector(whole, floats)) * 0.69314718f;
+    const floats part =
+        1 + f * (1 + f * (0.5f +
+                          f * (1 / 6.f + f * (1 / 24.f + f * (1 / 120.f + f * (1 / 720.f + f * (1 / 5040.f)))))));
+    return 1 / (1 + part * (floats)((whole + 127) << 23));
 }
 
 INLINE uint8_t *row_of(const Layer *l, index_t y) {
@@ -179,27 +183,33 @@ static void wide_row(Network *n, int k, int stride, index_t y) {
     (k ? n->kernels.conv : n->kernels.strided)(rows, &c, to->mask + y * to->width, to->width, row_of(to, y));
 }
 
+/* The outputs of a cell from its channels. Sums of integers under 2^24 are exact in any order. */
+INLINE void last_cell(const Reals *r, const uint8_t channels[WIDE], float out[NARROW]) {
+    floats sum[2][PARTS] = {{{0}}};
+    for (int k = 0; k < WIDE; k += 2)
+        for (int odd = 0; odd < 2; odd++)
+            for (int part = 0; part < PARTS; part++) {
+                floats weight;
+                memcpy(&weight, r->last[k + odd] + FLOATS * part, sizeof weight);
+                sum[odd][part] += weight * (float)channels[k + odd];
+            }
+    for (int part = 0; part < PARTS; part++) {
+        floats scale, bias;
+        memcpy(&scale, r->last_scale + FLOATS * part, sizeof scale);
+        memcpy(&bias, r->last_bias + FLOATS * part, sizeof bias);
+        const floats value = sigmoid((sum[0][part] + sum[1][part]) * scale + bias);
+        memcpy(out + FLOATS * part, &value, sizeof value);
+    }
+}
+
 /* Write the outputs of one row of cells into the response (height, width) of the image. */
 INLINE void last_row(const Network *n, const uint8_t *mask, index_t width, index_t y, float *response) {
     const uint8_t *row = row_of(&n->layer[CONVS + 1], y);
-    const float *scale = n->reals->last_scale, *bias = n->reals->last_bias;
     for (index_t x = 0; x < width; x++) {
         if (!mask[x])
             continue;
         float out[NARROW];
-        floats sum[2][PARTS] = {{{0}}}; /* of integers under 2^24: exact in any order */
-        for (int k = 0; k < WIDE; k++)
-            for (int part = 0; part < PARTS; part++) {
-                floats weight;
-                memcpy(&weight, n->reals->last[k] + FLOATS * part, sizeof weight);
-                sum[k & 1][part] += weight * (float)row[x * WIDE + k];
-            }
-        for (int part = 0; part < PARTS; part++)
-            sum[0][part] += sum[1][part];
-        memcpy(out, sum[0], sizeof out);
-        for (int k = 0; k < NARROW; k++)
-            out[k] = out[k] * scale[k] + bias[k];
-        sigmoid(out);
+        last_cell(n->reals, row + x * WIDE, out);
         for (index_t j = 0; j < CELL && n->contrast.top + CELL * y + j < n->contrast.picture.height; j++)
             for (index_t i = 0; i < CELL && CELL * x + i < n->contrast.picture.width; i++)
                 response[(n->contrast.top + CELL * y + j) * n->contrast.picture.width + CELL * x + i] =
