@@ -19,7 +19,7 @@
 typedef float floats __attribute__((vector_size(4 * FLOATS)));
 typedef int32_t ints __attribute__((vector_size(4 * FLOATS)));
 typedef float sixteen __attribute__((vector_size(64))); /* with AVX-512 */
-enum { PARTS = NARROW / FLOATS };
+enum { PARTS = NARROW / FLOATS, STRIDED = 9 * NARROW * WIDE };
 
 /* Weights as packed by `corners/cells.py`: those in floating point, and those of 8 bits. `scale` and `bias` turn sums
  * into the inputs of the next layer, and those of the last layer into the argument of the sigmoid. */
@@ -176,7 +176,7 @@ static void wide_row(Network *n, int k, int stride, index_t y) {
     const Layer *from = &n->layer[k];
     Layer *to = &n->layer[k + 1];
     const Convolution c = {k ? n->bytes->conv[k - 1] : n->bytes->strided,
-                           n->pairs + (k ? 9 * WIDE * (NARROW + (k - 1) * WIDE) : 0), n->centres + k * WIDE,
+                           n->pairs, n->pairs + STRIDED + (k ? k - 1 : 0) * TRANSFORMED, n->centres + k * WIDE,
                            n->reals->conv[k].scale, n->reals->conv[k].bias};
     const uint8_t *const rows[3] = {row_of(from, stride * y), row_of(from, stride * y + 1),
                                     row_of(from, stride * y + 2)};
@@ -281,7 +281,7 @@ static size_t room_for(index_t across, index_t rows) {
                   floats = SEEN * (seen + SLACK) + 8 * SLACK;
     const index_t doubles = 6 * (seen + 2 * HALF),
                   masks = (CONVS + 1) * last * (rows + 2 * CONVS) + first * (2 * (rows + 2 * CONVS) + 1) + first;
-    return (size_t)(8 * doubles + 4 * floats + bytes + masks) + sizeof(int16_t) * sizeof(Bytes) +
+    return (size_t)(8 * doubles + 4 * floats + bytes + masks) + sizeof(int16_t) * (STRIDED + CONVS * TRANSFORMED) +
            sizeof(int32_t) * (CONVS + 1) * WIDE + 64 * 32;
 }
 
@@ -307,12 +307,18 @@ FAST_KERNEL(rcdn_network, (PICTURE, p), (LET, down, (p.height + CELL - 1) / CELL
     n.wide = level_taken() >= AVX512_LEVEL;
 #endif
     n.kernels = row_kernels((int)instructions);
-    int16_t *pairs = taken(&room, sizeof(int16_t) * sizeof(Bytes));
+    int16_t *pairs = taken(&room, sizeof(int16_t) * (STRIDED + CONVS * TRANSFORMED));
     int32_t *centres = taken(&room, sizeof(int32_t) * (CONVS + 1) * WIDE);
     n.pairs = pairs;
     n.centres = centres;
-    if (n.kernels.form == PAIRED)
-        paired(bytes, sizeof(Bytes), pairs);
+    if (n.kernels.form == PAIRED) {
+        paired(n.bytes->strided, STRIDED, pairs);
+        for (int k = 0; k < CONVS; k++) {
+            int16_t conv[9 * WIDE * WIDE];
+            paired(n.bytes->conv[k], sizeof n.bytes->conv[k], conv);
+            transformed(conv, pairs + STRIDED + k * TRANSFORMED);
+        }
+    }
     for (int k = 0; k <= CONVS && n.kernels.form == CENTRED; k++)
         centred(k ? n.bytes->conv[k - 1] : n.bytes->strided, 9 * WIDE * (k ? WIDE : NARROW), centres + k * WIDE);
     index_t h = rows, w = across;

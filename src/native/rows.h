@@ -18,7 +18,7 @@ enum { PLAIN, VECTORS, BEST };
  * that turn sums into the next inputs. */
 typedef struct {
     const int8_t *weight;
-    const int16_t *pairs;
+    const int16_t *pairs, *points;
     const int32_t *centre;
     const float *scale, *bias;
 } Convolution;
@@ -89,7 +89,7 @@ static RowKernels row_kernels(int instructions) {
         return (RowKernels){avx_vnni_strided, avx_vnni_conv, NONE};
 #endif
     if (instructions >= VECTORS && level_taken() >= AVX2_LEVEL)
-        return (RowKernels){avx2_strided, avx2_conv, PAIRED};
+        return (RowKernels){avx2_strided, winograd_conv, PAIRED};
 #elif defined(ARM_LEVELS)
     if (instructions >= BEST && level_taken() >= DOTPROD_LEVEL)
         return (RowKernels){dotprod_strided, dotprod_conv, CENTRED};

@@ -58,7 +58,7 @@ FOR_AVX2 INLINE void avx2_block(const uint8_t *const from[3], const Convolution 
 }
 
 ROW_KERNEL(avx2_strided, FOR_AVX2, avx2_block, AVX2_CELLS, 16, 2)
-ROW_KERNEL(avx2_conv, FOR_AVX2, avx2_block, AVX2_CELLS, 32, 1)
+#include "rows_winograd.h"
 
 /* sum += products of bytes, four at a time: as the intrinsics, for which gcc adds moves of the sums between registers.
  * AVX-512 and AVX-VNNI encode the same instruction in two ways. */
