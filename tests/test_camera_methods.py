@@ -201,3 +201,20 @@ def test_pictures_with_a_palette_are_resampled_by_their_colours():
 def test_a_matrix_that_is_no_cameras_is_refused(K):
     with pytest.raises(RcdnError, match=r"Camera\.K must be \[\[fx, skew, cx\]"):
         Camera(K, None, (640, 480), "pinhole")
+
+
+@pytest.mark.parametrize(
+    ("model", "distortion", "fold"),
+    [("brown", [-0.3, 0.1, 0, 0, -0.02], 55.6), ("fisheye", [0.1, -0.05, -0.02, 0], 76.0)],
+)
+def test_what_lies_beyond_the_fold_of_a_lens_has_no_pixel(model, distortion, fold):
+    """It would appear inside of the picture, at pixels that see something else."""
+    camera = Camera(np.array([[600.0, 0, 319.5], [0, 600, 239.5], [0, 0, 1]]), np.array(distortion), (640, 480), model)
+    angle = np.radians(np.arange(0, 120, 0.5))
+    rays = np.stack([np.sin(angle), 0 * angle, np.cos(angle)], axis=1)
+    seen = np.isfinite(camera.project(rays)).all(axis=1)
+    assert np.degrees(angle[seen]).max() == pytest.approx(fold, abs=1)
+    assert (np.diff(seen.astype(int)) <= 0).all()
+    assert camera.project(rays[seen])[-1, 0] > 640  # outside of the picture, and still a pixel
+    back = camera.unproject(camera.project(rays[seen]))
+    assert back / np.linalg.norm(back, axis=1, keepdims=True) == pytest.approx(rays[seen], abs=1e-6)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from rcdn.batch import inputs
+from rcdn.batch.calibration_runs import BoardReader
 from rcdn.calibration.verdict import headline
 from rcdn.io import (
     ImageResult,
@@ -247,6 +248,14 @@ def test_stereo_report_and_pictures_in_another_order(run):
     fine(run("calibrate", a, b, "--stereo", *FAST, "--report", "r.html", "--json", "s.json"))
     assert read_stereo_calibration("s.json").rms < 0.2
     assert "</html>" in Path("r.html").read_text()
+
+
+def test_both_cameras_of_a_pair_may_see_the_board_from_behind(run, monkeypatch):
+    asked = []
+    monkeypatch.setattr(BoardReader, "seen_from_behind", lambda _, name, inputs, got: asked.append(name) or got)
+    left, right = rig()
+    fine(run("calibrate", save("l.json", left), save("r.json", right), "--stereo", *FAST))
+    assert asked == ["left", "right"]
 
 
 def test_stereo_that_does_not_pair(run):

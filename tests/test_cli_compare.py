@@ -101,7 +101,7 @@ def test_what_cannot_be_compared_is_said(run, files):
     assert sizes.exit_code == 1
     assert "640×480 and 320×240" in sizes.stderr
     write_camera("whole.yaml", PINHOLE)
-    assert "where='frame'" in run("whole.yaml", "whole.yaml", "--where", "seen").stderr
+    assert "choose 'frame'" in run("whole.yaml", "whole.yaml", "--where", "seen").stderr
     assert run("whole.yaml", "none.yaml").exit_code == 1
     assert run(*files, *["--camera-name", "left"] * 3).exit_code == 2
 

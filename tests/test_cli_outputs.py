@@ -134,3 +134,12 @@ def test_standard_output_is_no_folder(run, command):
 def test_a_folder_may_be_called_a_dash(run):
     assert run("render", "./-", "--count", "1").exit_code == 0
     assert (Path("-") / "truth.json").is_file()
+
+
+def test_standard_output_is_told_to_have_no_ending_and_to_be_named_once(run):
+    result = calibrate(run, "brown", "--model", "brown", "-o", "-")
+    assert result.exit_code == 2
+    assert result.stderr.startswith("error: --output -: standard output; name its format, --format opencv | ros")
+    result = calibrate(run, "brown", "--model", "brown", "-o", "-", "--format", "ros", "--json", "-")
+    assert result.exit_code == 2
+    assert result.stderr.startswith("error: -: named for 2 outputs")

@@ -218,6 +218,19 @@ def test_that_the_camera_of_earlier_pictures_is_replaced_is_said(run):
     assert Path("out/undistorted-camera.yaml").read_bytes() == before
 
 
+def test_the_camera_of_other_pictures_stays_if_none_is_written(run):
+    picture("in/a.png")
+    assert run("camera.yaml", "in", "--out", "out").exit_code == 0
+    before = Path("out/undistorted-camera.yaml").read_bytes()
+    write_camera("large.yaml", Camera(BARREL.K, BARREL.distortion, (1280, 960), BARREL.model))
+    result = run("large.yaml", "in", "--out", "out")
+    assert result.exit_code == 1
+    assert "0 pictures" in result.stdout
+    assert "camera" not in result.stdout
+    assert "held another camera" not in result.stderr
+    assert Path("out/undistorted-camera.yaml").read_bytes() == before
+
+
 def test_nothing_of_others_is_written_over_and_a_second_run_replaces_the_first(run):
     picture("in/a.png")
     picture("in/b.jpg")

@@ -13,12 +13,14 @@ from rcdn import geometry, io
 from rcdn.errors import ConfigError, ImageError
 from rcdn.geometry.flat_view import flat_camera
 from rcdn.geometry.resample import Undistortion, undistortion
+from rcdn.geometry.undistort import ray_test
 from rcdn.types import Array, Camera, Pose
 
 
 def project(camera: Camera, points: Array, pose: Pose | None) -> Array:
     """See `Camera.project`."""
-    return geometry.project(camera, points if pose is None else geometry.transform(pose, points))
+    points = points if pose is None else geometry.transform(pose, points)
+    return np.where(ray_test(camera)(camera, points)[..., None], geometry.project(camera, points), np.nan)
 
 
 def unproject(camera: Camera, xy: Array) -> Array:

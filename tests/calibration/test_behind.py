@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from rcdn.batch.behind import TwoSided
-from rcdn.calibration import calibrate_rig
+from rcdn.calibration import calibrate_rig, calibrate_stereo
 from rcdn.calibration.behind import from_behind
 from rcdn.detector import MIRRORED, Detection
 from rcdn.errors import CalibrationError
@@ -55,6 +55,16 @@ def test_a_camera_behind_the_plate_finds_its_place():
     assert off @ np.linalg.solve(cov, off) < 6 + 4 * np.sqrt(12)
     assert np.linalg.norm(off[3:]) < 0.02
     assert all(p.used == p.shared for p in found.pairs)
+
+
+def test_two_cameras_on_both_sides_of_the_plate_are_a_pair():
+    views, moments, places = seen()
+    common = sorted(set(moments["front"]) & set(moments["back"]))
+    pairs = [(moments["front"].index(m), moments["back"].index(m)) for m in common]
+    found = calibrate_stereo(views["front"], views["back"], SPACING, pairs=pairs, model="brown")
+    D = places["back"] @ np.linalg.inv(places["front"]) @ np.linalg.inv(found.T_right_left)
+    assert np.linalg.norm(D[:3, 3]) < 0.02
+    assert np.linalg.norm(Rotation.from_matrix(D[:3, :3]).as_rotvec()) < 0.02
 
 
 def test_a_camera_whose_pictures_are_mirrored_stays_apart_and_is_told_to_flip_them():

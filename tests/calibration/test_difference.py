@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from rcdn.calibration import calibrate
-from rcdn.calibration.difference import agreement, camera_difference, common_grid, difference, displacement
-from rcdn.errors import RcdnError
+from rcdn.calibration.difference import _half, agreement, camera_difference, common_grid, difference, displacement
+from rcdn.errors import CalibrationError, RcdnError
 from rcdn.geometry import project, rotation, unproject
 from rcdn.types import Camera
 from rcdn_lab.camera_scenes import CAMERAS, SPACING, random_boards
@@ -117,3 +117,22 @@ def test_the_stated_deviation_is_that_of_many_repetitions():
     spread = np.sqrt((np.array(vectors) ** 2).mean(axis=(0, 2)))
     stated = agreement(one, one, camera_difference(one.camera, one.camera, points)).deviation
     assert stated == pytest.approx(spread, rel=0.2)
+
+
+def test_a_covariance_that_rounding_makes_negative_is_one_and_no_other():
+    """Those of smooth corrections have hundreds of parameters; some variances of their combinations are all but 0."""
+    rng = np.random.default_rng(0)
+    turn, size = np.linalg.qr(rng.normal(size=(40, 40)))[0], 10 ** rng.uniform(-6, 3, 40)
+
+    def with_least(variance):
+        correlation = turn * np.r_[variance, np.linspace(0.1, 2, 39)] @ turn.T
+        return correlation * size * size[:, None]
+
+    rounded = with_least(-2e-9)
+    half = _half(rounded)
+    assert np.abs((half @ half.T - rounded) / size / size[:, None]).max() < 1e-8
+    held = np.zeros((41, 41))
+    held[:40, :40] = rounded
+    assert not _half(held)[40].any()
+    with pytest.raises(CalibrationError, match="negative variances"):
+        _half(with_least(-1e-3))

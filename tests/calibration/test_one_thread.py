@@ -7,6 +7,7 @@ import scipy.linalg  # noqa: F401  # its own library is limited, too
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from rcdn.calibration import calibrate
+from rcdn.calibration.one_thread import one_thread
 from rcdn.errors import CalibrationError
 from rcdn_lab.camera_scenes import CAMERAS, SPACING, random_boards
 
@@ -43,4 +44,15 @@ def test_a_calibration_has_one_thread(two):
 def test_errors_leave_the_threads_as_they_were(two):
     with pytest.raises(CalibrationError):
         calibrate([], SPACING)
+    assert threads() == two
+
+
+def test_calls_that_overlap_leave_the_threads_as_they_were(two):
+    """Threads end their calls in any order."""
+    first, second = one_thread(), one_thread()
+    first.__enter__()
+    second.__enter__()
+    first.__exit__(None, None, None)
+    assert set(threads().values()) == {1}
+    second.__exit__(None, None, None)
     assert threads() == two

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from importlib import import_module
+
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from rcdn.calibration import calibrate, estimate_pose
 from rcdn.calibration.bundle import State, lens_prior
-from rcdn.calibration.difference import camera_difference
+from rcdn.calibration.difference import agreement, camera_difference
 from rcdn.calibration.influence import view_information
 from rcdn.calibration.plain_lens import plain_fit
 from rcdn.calibration.smooth_lens import Bending, with_correction
@@ -122,3 +124,17 @@ def test_views_tell_of_a_corrected_lens_under_the_prior_of_its_bending(smooth):
     """Without it control points that no corner tells of leave the focal length open by thousands of pixels."""
     deviations = view_information(smooth).at_optimum().deviations()
     assert (deviations[:4] < 4 * smooth.std[:4]).all()
+
+
+def test_a_corrected_camera_agrees_with_itself(smooth):
+    found = agreement(smooth, smooth, camera_difference(smooth.camera, smooth.camera))
+    assert found.rms < 1e-3
+
+
+def test_a_correction_that_was_asked_for_and_is_not_taken_is_told(rippled, monkeypatch):
+    module = import_module("rcdn.calibration.calibrate")  # the package's name for it is the function's
+    monkeypatch.setattr(module, "_splined", lambda *_, **__: None)
+    done = calibrate(rippled, SPACING, model="splined", flat=True)
+    assert done.camera.correction is None
+    assert f"it is that of {done.camera.model} alone" in done.advice[-1]
+    assert not any("smooth correction" in line for line in calibrate(rippled, SPACING, flat=True).advice)

@@ -14,11 +14,11 @@ from rcdn.calibration.fit_checks import projections
 from rcdn.calibration.limits import LIMITS, STEREO_LIMITS, growth, reason
 from rcdn.calibration.verdict import fails, headline, judge, verdict_of
 from rcdn.calibration.view_checks import THIRDS
-from rcdn.calibration.view_facts import places, tilts
+from rcdn.calibration.view_facts import measure_views, places, tilts
 from rcdn.errors import two_digits
-from rcdn.types import LEVELS, BoardShape, Camera, ModelScore, Reason, Verdict
+from rcdn.types import LEVELS, BoardShape, Camera, ModelScore, Pose, Reason, Verdict
 from rcdn_lab import bad_cases
-from rcdn_lab.camera_scenes import CAMERAS, SPACING, random_boards
+from rcdn_lab.camera_scenes import CAMERAS, SPACING, board, random_boards
 from rcdn_lab.real_boards import curved_board
 
 BROWN = CAMERAS["brown"]
@@ -79,6 +79,17 @@ def in_thirds(good, fold):
     return replace(good, views=tuple(replace(v, xy=v.xy + 0.5 * k) for v in good.views[:4] for k in range(fold)))
 
 
+def slowly(good, step=10):
+    """The first board, moved by `step` px from picture to picture of a slow video."""
+
+    def later(view, k):
+        T = view.pose.T_cam_board.copy()
+        T[0, 3] += k * step * T[2, 3] / good.camera.K[0, 0]
+        return replace(view, pose=Pose(T))
+
+    return replace(good, views=tuple(later(good.views[0], k) for k in range(20)))
+
+
 WEAK = {
     "few": (lambda c: replace(c, views=c.views[:6]), "views", "fair", "Only 6 views"),
     "very few": (lambda c: replace(c, views=c.views[:4]), "views", "unsure", "Only 4 views"),
@@ -105,6 +116,12 @@ WEAK = {
         lambda c: shifted(c, lambda v: 1.0 * np.sin(v.ij + v.xy.sum() % 7)), "smooth", "unsure", "err alike",
     ),
 }  # fmt: skip
+
+
+def test_of_a_board_that_moves_slowly_the_places_count(good):
+    """Of 20 pictures that are .8 of a near-duplicate's distance apart every other one is a new place."""
+    assert measure_views(slowly(good)).distinct == 10
+    assert measure_views(slowly(good, 0.1)).distinct == 1
 
 
 @pytest.mark.parametrize("case", WEAK)
@@ -187,6 +204,23 @@ def test_a_board_named_by_its_squares_is_noticed():
     assert "9×6" in named.verdict.against[0].action
     assert named.verdict.level == "unsure"
     assert not any(r.key == "board_size" for r in calibrate(boards, SPACING, model="brown").verdict.reasons)
+
+
+@pytest.mark.parametrize("size", [(9, 7), (6, 10), (20, 20)], ids=str)
+def test_a_board_that_is_never_seen_is_noticed(size):
+    boards, _ = random_boards(BROWN, 3, 12, whole=True)
+    verdict = calibrate(boards, SPACING, model="brown", size=size).verdict
+    (against,) = [r for r in verdict.against if r.key == "board_size"]
+    assert "100% show exactly 9×6 corners: was another board named" in against.sentence
+    assert ("6×9" if size == (6, 10) else "9×6") in against.action
+
+
+def test_parts_of_a_large_board_are_no_other_board():
+    boards, _ = random_boards(BROWN, 3, 12, whole=True)
+    inside = [(b.ij < [4 + k % 5, 3 + k % 3]).all(axis=1) for k, b in enumerate(boards)]
+    parts = [board(b.ij[i], b.xy[i], b.image_size) for b, i in zip(boards, inside, strict=True)]
+    found = calibrate(parts, SPACING, model="brown", size=(9, 6))
+    assert not any(r.key == "board_size" for r in found.verdict.reasons)
 
 
 def test_pictures_of_another_size_are_said():

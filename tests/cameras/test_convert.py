@@ -128,6 +128,7 @@ def test_maps_and_standard_output(run):
         (["a.json", "a.json"], 2, "is read and written"),
         (["a.json", "link.json"], 2, "is read and written"),
         (["a.json", "b.dat"], 1, "which format"),
+        (["a.csv", "b.json"], 1, "a.csv: CSV is written, not read"),
         (["a.json", "-"], 1, "standard output; name its format with --to: opencv, ros"),
         (["a.json", "b.vnl"], 1, "holds no detections"),
         (["a.json", "b.csv"], 1, "holds no detections"),

@@ -100,6 +100,10 @@ class Outputs:
             if given and not needed:
                 raise ConfigError(f"{name} has no effect without {option}; leave it out, or add {option} FILE")
         for path in self.cameras:
+            if path == console.STDOUT and self.format is None:
+                raise ConfigError(
+                    f"--output -: standard output; name its format, --format {' | '.join(camera_formats())}"
+                )
             try:
                 check_format(path, self.format, rig)
             except FormatError as error:
@@ -111,7 +115,7 @@ class Outputs:
                 check_file("--output", file, paths)
         check_file("--report", self.report, paths)
         check_file("--json", self.json, paths)
-        for name, count in Counter(os.path.abspath(p) for p in self.files).items():
+        for name, count in Counter("-" if p == console.STDOUT else os.path.abspath(p) for p in self.files).items():
             if count > 1:
                 raise ConfigError(f"{name}: named for {count} outputs; give each a name of its own")
 

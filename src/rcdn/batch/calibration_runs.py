@@ -177,13 +177,15 @@ def two_cameras(
     from rcdn.io import write_calibration
     from rcdn.report.calibration import write_stereo_report
     from rcdn.terminal import camera_text
+    from rcdn.types.limits import READ_IN_A_MIRROR
 
     known = known_pair(problem.cameras, list(cameras_in(inputs)))
     outputs = outputs.without_refused(
         lambda path: camera_files.pair_refusal(path, outputs.format, problem.model, known)
     )
-    left = reader.gather(inputs[:1])
-    right = reader.gather(inputs[1:], left.frames or None)
+    left = reader.gather(inputs[:1], silent=READ_IN_A_MIRROR)
+    right = reader.gather(inputs[1:], left.frames or None, silent=READ_IN_A_MIRROR)
+    left, right = reader.seen_from_behind("left", inputs[:1], left), reader.seen_from_behind("right", inputs[1:], right)
     reader.check(left, problem.spacing)
     reader.check(right, problem.spacing)
     pairs = _paired_boards(left, right, pair_file)

@@ -53,6 +53,8 @@ HOPELESS_MODEL = 2.0
 """× the least scatter that any model leaves: a model that leaves more is not fitted any further"""
 HOPELESS = 0.2
 """relative standard deviation of the focal length above which the result is refused"""
+DIFFERENT_VIEWS = "take pictures of the board tilted by 30° to 45°, to different sides, and near and far"
+NOT_SPLINED = "The lens has no smooth correction, with which its projection would fold; it is that of {} alone."
 
 
 @one_thread()
@@ -120,6 +122,7 @@ def with_geometries(
     image_size, whole = one_size(boards, names), geometries.main
     labels = geometries.labelled(boards, strict)
     task = usable(boards, labels, names, image_size, whole)
+    _check_different(task, image_size)
     start = first_camera(task.seen, image_size)
     task, T = with_poses(task, poses(start, task.seen))
     models = AUTO if model in ("auto", "splined") else (model,)
@@ -137,7 +140,10 @@ def with_geometries(
         if better is not None:
             done = result_of(task, boards, labels, names, better[0], whole, (better[1], *scores))
             _check_plausible(done)
-    return judged(done)
+    done = judged(done)
+    if model == "splined" and done.camera.correction is None:
+        return replace(done, advice=(*done.advice, NOT_SPLINED.format(done.camera.model)))
+    return done
 
 
 def check_arguments(boards: Sequence[Board], names: Sequence[str] | None, model: str, size: Size | None) -> None:
@@ -298,11 +304,20 @@ def _views(
     return tuple(views)
 
 
+def _check_different(task: Usable, image_size: tuple[int, int]) -> None:
+    """Raise CalibrationError, before the long computation, if all views show the board in one place."""
+    views = len(task.seen)
+    if views > 1 and not alike(task.corners, image_size, np.arange(views)).any():
+        raise CalibrationError(
+            f"these {views} views all show the board in the same place, which settles no camera; {DIFFERENT_VIEWS}"
+        )
+
+
 def _check_plausible(done: Calibration) -> None:
     """Raise CalibrationError if the views do not determine the focal length."""
     share = float(max(done.std[:2] / done.camera.parameters[:2]))
     if not np.isfinite(done.std).all() or share > HOPELESS or min(done.camera.parameters[:2]) <= 0:
         raise CalibrationError(
             f"these {len(done.used_views)} views don't settle the focal length (±{share:.0%}): they are too much "
-            "alike; take pictures of the board tilted by 30° to 45°, to different sides, and near and far"
+            f"alike; {DIFFERENT_VIEWS}"
         )

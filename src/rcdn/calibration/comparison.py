@@ -65,7 +65,7 @@ def compare(a: Camera | Calibration, b: Camera | Calibration, where: Where | Non
     outlines = tuple(h for c in (a, b) if isinstance(c, Calibration) and len(h := _hull(c)))
     if where == "seen" and not outlines:
         raise RcdnError(
-            "where='seen' needs the corners of a calibration (written by `rcdn calibrate --json`); use where='frame'"
+            "the area 'seen' needs the corners of a calibration (written by `rcdn calibrate --json`); choose 'frame'"
         )
     place: Where = where or ("seen" if outlines else "frame")
     points = common_grid(one, other) if tuple(one.image_size) == tuple(other.image_size) else np.zeros((1, 2))
@@ -75,7 +75,8 @@ def compare(a: Camera | Calibration, b: Camera | Calibration, where: Where | Non
             inside &= _within(hull, points)
     if tuple(one.image_size) == tuple(other.image_size) and inside.sum() < FEWEST:
         raise RcdnError(
-            f"the cameras have only {int(inside.sum())} of {len(points)} points in common to compare; use where='frame'"
+            f"the cameras have only {int(inside.sum())} of {len(points)} points in common to compare; choose the area "
+            "'frame'"
         )
     found = camera_difference(one, other, points, points[inside])
     inside = inside & np.isfinite(found.vectors).all(axis=1)

@@ -28,6 +28,8 @@ FEWEST = 3
 """least number of pixels with rays of both cameras for the estimate of a rotation"""
 SAME_RAY = 1e-6
 """rad: if the ray of the projected pixel deviates by more, the projected ray lies beyond a fold of the lens model"""
+ROUNDED = 1e-9
+"""largest share by which rounding makes an eigenvalue of a correlation matrix negative, for each parameter"""
 CHANCE = 0.01
 """significance level: two calibrations disagree if the probability of their difference by chance is smaller"""
 
@@ -231,14 +233,11 @@ def _fixed_jacobian(a: Camera, b: Camera, turn: Array, pixels: Array) -> tuple[A
 
 
 def _half(cov: Array) -> Array:
-    """The Cholesky factor of a covariance."""
-    try:
-        return np.asarray(np.linalg.cholesky(_positive(cov)))
-    except np.linalg.LinAlgError as error:
-        raise CalibrationError("the covariance of a calibration is not positive: calibrate again") from error
-
-
-def _positive(cov: Array) -> Array:
-    """A covariance with a small addition to its diagonal, so that it has a Cholesky factor."""
-    size = np.sqrt(np.maximum(np.diag(cov), 1e-300))
-    return np.asarray(cov + 1e-12 * np.diag(size**2))
+    """A matrix H with H Hᵀ = `cov`, a covariance up to rounding: smooth corrections have hundreds of parameters, some
+    of which are nearly functions of others."""
+    size = np.sqrt(np.diag(cov))
+    size[size == 0] = 1  # held parameters
+    variance, directions = np.linalg.eigh(cov / size[:, None] / size)
+    if not variance[0] >= -ROUNDED * len(cov):
+        raise CalibrationError("the covariance of a calibration has negative variances: calibrate again")
+    return np.asarray(size[:, None] * directions * np.sqrt(np.maximum(variance, 0)))

@@ -83,8 +83,9 @@ LIMITS = {
         "They are left out; a few may be a slip, more are another camera or another setting.",
     ),
     "board_size": Limit(
-        "Views that show one row and column less than the named board", "share", 0.0, 0.5, NEVER,
-        "A board named by its squares is never seen whole: every view shows one corner less each way.",
+        "Views that show the same smaller board instead of the named one", "share", 0.0, 0.5, NEVER,
+        "A board named by its squares is never seen whole: every view shows one corner less each way. "
+        "Parts of a large board differ from view to view.",
     ),
     "views": Limit(
         "Different boards used", "", 10, 5, 0,

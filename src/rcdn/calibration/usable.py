@@ -43,11 +43,11 @@ class Usable:
 
 
 def one_size(boards: Sequence[Board], names: Sequence[str]) -> tuple[int, int]:
-    """The image size of (nearly) all boards. Raises CalibrationError, naming the pictures of each size, if no size is
+    """The image size of (nearly) all pictures. Raises CalibrationError, naming the pictures of each size, if no size is
     frequent enough."""
-    sizes = Counter(b.image_size for b in boards)
-    (majority, many), *_ = sizes.most_common(1)
-    if many >= SAME_SIZE * len(boards):
+    sizes = Counter(dict(zip(names, (b.image_size for b in boards), strict=True)).values())
+    (majority, count), *_ = sizes.most_common(1)
+    if count >= SAME_SIZE * sizes.total():
         return majority
     upright = majority[0] != majority[1] and majority[::-1] in sizes
     turned = ". Width and height are exchanged in some: turn those pictures back by 90°" if upright else ""

@@ -70,19 +70,27 @@ def picture_size(c: Calibration, facts: Facts) -> list[Reason]:
 
 
 def board_size(c: Calibration, facts: Facts) -> list[Reason]:
-    """A board whose size was given in squares instead of inner corners; no reason if a whole board was seen."""
+    """A board whose size was given wrongly, most often in squares instead of inner corners; no reason if a whole board
+    was seen, or parts of different sizes."""
     if c.size is None or any(v.settled and (v.target or sorted(box(v.ij)) == sorted(c.size)) for v in c.used_views):
         return []
-    boxes = [tuple(sorted(box(v.ij))) for v in c.used_views]
-    less = tuple(sorted(n - 1 for n in c.size))
-    share = sum(b == less for b in boxes) / max(len(boxes), 1)
-    found = reason(
-        "board_size", share, "",
-        f"No view shows the whole {c.size[0]}×{c.size[1]} board, and {share:.0%} show exactly {less[1]}×{less[0]} "
-        "corners: was the board named by its squares?",
-        f"Name its inner corners: {c.size[0] - 1}×{c.size[1] - 1}.",
-    )  # fmt: skip
-    return [] if found.level == "good" else [found]
+    boxes = Counter(tuple(sorted(box(v.ij))) for v in c.used_views)
+    squares = tuple(sorted(n - 1 for n in c.size))
+    seen, count = (squares, boxes[squares]) if squares in boxes else boxes.most_common(1)[0]
+    share = count / len(c.used_views)
+    smaller = all(a <= b for a, b in zip(seen, sorted(c.size), strict=True))
+    if seen != squares and not (smaller and share > LIMITS["board_size"].fair):
+        return []
+    cols, rows = seen if c.size[0] < c.size[1] else seen[::-1]
+    question = "was the board named by its squares?" if seen == squares else "was another board named?"
+    return [
+        reason(
+            "board_size", share, "",
+            f"No view shows the whole {c.size[0]}×{c.size[1]} board, and {share:.0%} show exactly "
+            f"{max(seen)}×{min(seen)} corners: {question}",
+            f"Name its inner corners: {cols}×{rows}.",
+        )
+    ]  # fmt: skip
 
 
 def views(c: Calibration, facts: Facts) -> list[Reason]:

@@ -68,14 +68,17 @@ def tilt_spread(views: Iterable[BoardView]) -> float:
 
 def places(calibration: Calibration, views: list[BoardView]) -> Real[Array, " v"]:
     """(V,) a group number for each view, equal for views that show the board in the same place (near-duplicates of a
-    picture)."""
+    picture). A view joins the first group whose first view is close to it, so that a board that moves slowly from frame
+    to frame eventually begins a new group."""
     spots = np.array([_outline(calibration, v) for v in views])
     near = SAME_PLACE * max(calibration.camera.image_size)
-    group = np.arange(len(views))
-    for k in range(len(views)):
-        gap = np.sqrt(((spots[k] - spots[:k]) ** 2).sum(axis=-1).mean(axis=-1))
-        for other in np.flatnonzero(gap < near):
-            group[group == group[k]] = group[other]
+    firsts, group = [0], np.zeros(len(views), int)
+    for k in range(1, len(views)):
+        gap = np.sqrt(((spots[k] - spots[firsts]) ** 2).sum(axis=-1).mean(axis=-1))
+        there = np.flatnonzero(gap < near)
+        group[k] = there[0] if len(there) else len(firsts)
+        if not len(there):
+            firsts.append(k)
     return group
 
 

@@ -204,6 +204,8 @@ def _convert_cameras(inputs: Sequence[Path], out: Path, to: str | None, name: st
     from rcdn.io import read_calibrations, read_cameras
 
     format: CameraFormat | None = to  # type: ignore[assignment]
+    if inputs[0].suffix.lower() == ".csv":
+        raise FormatError(f"{inputs[0]}: CSV is written, not read; give the .json or .vnl of the same detections")
     if name is None and holds_rig(inputs, out):
         return convert_rig(inputs, out, format, lossy)
     check_format(out, format)

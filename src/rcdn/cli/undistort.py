@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -31,8 +31,10 @@ CAMERA_FILE = "undistorted-camera.yaml"
 
 @dataclass
 class _Run:
-    """The state of a run: pictures written, failures reported, and whether Ctrl-C ended it."""
+    """The state of a run: pictures written, failures reported, and whether Ctrl-C ended it; `first_written` is called
+    when the first picture is."""
 
+    first_written: Callable[[], None]
     written: int = 0
     failed: int = 0
     unwritten: int = 0
@@ -70,7 +72,7 @@ def undistort(
             min=0,
             max=1,
             metavar="SHARE",
-            help="0: no empty pixels. 1: all that the camera saw, up to 55° off its axis, the rest black.",
+            help="0: no empty pixels. 1: all that the camera saw, the rest black. Both up to 55° off its axis.",
         ),
     ] = 0.0,
     scale: Annotated[
@@ -107,10 +109,14 @@ def undistort(
     lens = chosen_camera(camera, camera_name)
     paths, unread = _inputs(images, out, camera)
     make = _undistortion(lens, balance, scale, crop)
-    if not overwrite:
-        _check_camera_file(out / CAMERA_FILE, make.flat)
-    write_camera(out / CAMERA_FILE, make.flat)
-    run = _Run(failed=unread, places=Places(overwrite))
+    note = "" if overwrite else _check_camera_file(out / CAMERA_FILE, make.flat)
+
+    def write_flat() -> None:
+        if note:
+            console.note(note)
+        write_camera(out / CAMERA_FILE, make.flat)
+
+    run = _Run(write_flat, failed=unread, places=Places(overwrite))
     _undistort_all(run, paths, out, make)
     _finish(run, make, out)
 
@@ -136,13 +142,13 @@ def _inputs(images: Sequence[str], out: Path, camera: Path) -> tuple[list[Path],
     return kept, len(errors)
 
 
-def _check_camera_file(path: Path, flat: Camera) -> None:
-    """Print a note if there is a camera in `path` already that isn't `flat`: the pictures of an earlier run beside it
+def _check_camera_file(path: Path, flat: Camera) -> str:
+    """A note if there is a camera in `path` already that isn't `flat`, or "": the pictures of an earlier run beside it
     are of that one. Raises ConfigError if the file holds none."""
     from rcdn.io import read_camera
 
     if not os.path.lexists(path):
-        return
+        return ""
     try:
         there = read_camera(path)
     except RcdnError as error:
@@ -150,8 +156,9 @@ def _check_camera_file(path: Path, flat: Camera) -> None:
             f"{path}: is there already, and isn't rcdn's; choose another --out, or --overwrite"
         ) from error
     same = there.image_size == flat.image_size and there.model == flat.model
-    if not same or there.parameters.tolist() != flat.parameters.tolist():
-        console.note(f"note: {path} held another camera, that of pictures of an earlier run; it is replaced")
+    if same and there.parameters.tolist() == flat.parameters.tolist():
+        return ""
+    return f"note: {path} held another camera, that of pictures of an earlier run; it is replaced"
 
 
 def _undistortion(camera: Camera, balance: float, scale: float, crop: bool) -> Undistortion:
@@ -188,6 +195,8 @@ def _undistort_one(run: _Run, picture: Source, make: Undistortion, bar: Bar) -> 
         pixels = make(picture.pixels)
         write_image(run.places.take(picture.place, str(pixels.dtype)), pixels, mark="rcdn undistorted")
         run.written += 1
+        if run.written == 1:
+            run.first_written()
     except OutputError as error:
         run.unwritten += 1
         if run.unwritten == 1:  # only the first: a full disk would give one line each
@@ -201,10 +210,9 @@ def _undistort_one(run: _Run, picture: Source, make: Undistortion, bar: Bar) -> 
 def _finish(run: _Run, make: Undistortion, out: Path) -> None:
     """Print what was done, and set the exit code."""
     width, height = make.flat.image_size
-    line = (
-        f"{many(run.written, 'picture')} of {width}×{height} px, f {make.flat.K[0, 0]:.2f} px, in {out}; their camera: "
-        f"{out / CAMERA_FILE}"
-    )
+    line = f"{many(run.written, 'picture')} of {width}×{height} px, f {make.flat.K[0, 0]:.2f} px, in {out}"
+    if run.written:
+        line += f"; their camera: {out / CAMERA_FILE}"
     if run.unwritten > 1:
         print_error(f"{run.unwritten} pictures could not be written")
     if run.stopped:

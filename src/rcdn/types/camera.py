@@ -105,7 +105,8 @@ class Camera(Value):
 
     def project(self, points: ArrayLike, pose: Pose | None = None) -> Real[Array, "... 2"]:
         """Pixels (..., 2) of points (..., 3) in camera coordinates, or in those of a board at `pose`; NaN for points
-        that the camera can't see.
+        that the camera can't see: behind it, and beyond the angle at which its distortion folds back. Points outside
+        of the picture have pixels.
 
         Raises RcdnError for points of another shape, or another `pose`.
         """
@@ -120,8 +121,8 @@ class Camera(Value):
 
     def undistorted(self, balance: float = 0.0) -> Camera:
         """The pinhole camera, of the same size, of the pictures that `undistort` returns. `balance` 0: it has no empty
-        pixels; 1: it shows all that this camera saw, up to 55° from its optical axis. Raises RcdnError for a `balance`
-        outside of 0..1."""
+        pixels; 1: it shows all that this camera saw; both up to 55° from its optical axis. Raises RcdnError for a
+        `balance` outside of 0..1."""
         return _work().undistorted(self, balance)
 
     def undistort(self, image: Any, balance: float = 0.0) -> Array:
