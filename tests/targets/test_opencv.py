@@ -62,6 +62,16 @@ def test_the_legacy_flag_need_not_be_right():
     assert np.abs(corners[:, 0] - truth).max() < 0.2
 
 
+def test_a_row_beyond_the_given_board_has_no_numbers():
+    image, truth = seen(charuco(8, 6, "DICT_4X4_50"), noise=1)
+    board = board_of(8, 5, "DICT_4X4_50")
+    corners, ids = rcdn.detect_charuco(image, board)
+    assert ids.ravel().tolist() == list(range(28))
+    assert np.abs(corners[:, 0] - truth[: len(ids)]).max() < 0.2
+    points, _ = board.matchImagePoints(corners, ids)
+    assert len(points) == len(ids)
+
+
 def test_nothing_where_there_is_no_such_board():
     image, _ = seen(charuco(5, 7, "DICT_4X4_50"))
     for other in (

@@ -18,7 +18,7 @@ from rcdn.targets.puzzle import read_puzzle
 from rcdn.targets.reading import Reading
 from rcdn.targets.rectify import aspect_of, grid_with_ring, rectified, whole_squares, wider
 from rcdn.types import AprilGrid, Array, Board, Charuco, PuzzleBoard, Target
-from rcdn.types.arrays import Int, Real, Shaped
+from rcdn.types.arrays import Bool, Int, Real, Shaped
 
 SAMPLES = 32
 """samples along a square's side"""
@@ -135,11 +135,20 @@ def _relabelled(board: Board, reading: Reading, index: Int[Array, "r c"]) -> Boa
     corners sorted row by row."""
     index, target = np.rot90(index, reading.turns), reading.target
     row, column = np.nonzero(index >= 0)
-    order = index[row, column]
     ij = np.stack([column, row], axis=1) + np.array(reading.place)
+    on_it = _on(target, ij)
+    order, ij = index[row, column][on_it], ij[on_it]
     pick = lambda a: None if a is None else a[order]  # noqa: E731
     return replace(
         board, xy=board.xy[order], ij=ij, response=board.response[order], status=board.status[order],
         sigma=pick(board.sigma), orientation="unique", target=target, ids=target.ids(ij),
         origin_dark=None,
     )  # fmt: skip
+
+
+def _on(target: Target, ij: Int[Array, "n 2"]) -> Bool[Array, " n"]:
+    """(N,) whether the positions `ij` are corners of the target: a ChArUco board may be larger than the given one."""
+    if not isinstance(target, Charuco):
+        return np.ones(len(ij), bool)
+    ends = [target.columns - 1, np.inf if target.rows is None else target.rows - 1]
+    return np.asarray(((ij >= 0) & (ij < ends)).all(axis=1))
