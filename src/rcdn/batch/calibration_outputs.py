@@ -66,7 +66,11 @@ JsonFile = Annotated[
 ]
 Force = Annotated[
     bool,
-    typer.Option("--force", help="Write the camera even if the views don't settle its focal length or centre."),
+    typer.Option(
+        "--force",
+        help="Write the camera even if the views don't settle its focal length or centre; a focal length that is known "
+        "to less than 20 % is an error all the same.",
+    ),
 ]
 FailOnVerdict = Annotated[
     FailOn | None,

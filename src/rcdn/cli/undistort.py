@@ -96,9 +96,9 @@ def undistort(
 ) -> None:
     """Undistort pictures: straight lines become straight, as a pinhole camera would have taken them.
 
-    Pictures keep their names, folders, depth and colours; frames of videos become PNG files in a folder of the video's
-    name. Beside them is the camera that they are of now. A picture that can't be read or has another size is reported,
-    and the others go on.
+    Pictures keep their names, folders, depth and colours, but not an alpha channel; frames of videos become PNG files
+    in a folder of the video's name. Beside them is the camera that they are of now. A picture that can't be read or has
+    another size is reported, and the others go on.
 
     Exit code: 0 if all pictures were written, 1 if some failed, 2 for wrong use, 130 after Ctrl-C.
     """
