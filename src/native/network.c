@@ -88,8 +88,8 @@ INLINE floats sigmoid(floats x) {
     const ints whole = __builtin_convertvector(t, ints);
     const floats f = (t - __builtin_convertvector(whole, floats)) * 0.69314718f;
     const floats part =
-        1 + f * (1 + f * (0.5f +
-                          f * (1 / 6.f + f * (1 / 24.f + f * (1 / 120.f + f * (1 / 720.f + f * (1 / 5040.f)))))));
+        1 +
+        f * (1 + f * (0.5f + f * (1 / 6.f + f * (1 / 24.f + f * (1 / 120.f + f * (1 / 720.f + f * (1 / 5040.f)))))));
     return 1 / (1 + part * (floats)((whole + 127) << 23));
 }
 
@@ -176,8 +176,11 @@ static void wide_row(Network *n, int k, int stride, index_t y) {
     const Layer *from = &n->layer[k];
     Layer *to = &n->layer[k + 1];
     const Convolution c = {k ? n->bytes->conv[k - 1] : n->bytes->strided,
-                           n->pairs, n->pairs + STRIDED + (k ? k - 1 : 0) * TRANSFORMED, n->centres + k * WIDE,
-                           n->reals->conv[k].scale, n->reals->conv[k].bias};
+                           n->pairs,
+                           n->pairs + STRIDED + (k ? k - 1 : 0) * TRANSFORMED,
+                           n->centres + k * WIDE,
+                           n->reals->conv[k].scale,
+                           n->reals->conv[k].bias};
     const uint8_t *const rows[3] = {row_of(from, stride * y), row_of(from, stride * y + 1),
                                     row_of(from, stride * y + 2)};
     (k ? n->kernels.conv : n->kernels.strided)(rows, &c, to->mask + y * to->width, to->width, row_of(to, y));

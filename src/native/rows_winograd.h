@@ -12,7 +12,7 @@
 
 #include "rows.h"
 
-enum { TILE = 4, POINTS = TILE + 2, PAIRS = WIDE / 2, HALF_WIDE = WIDE / 2 };
+enum { TILE = 4, POINTS = TILE + 2, PAIRS = WIDE / 2, HALF_WIDE = WIDE / 2, MOST = 4 };
 enum { TRANSFORMED = POINTS * 3 * WIDE * WIDE }; /* weights of a convolution */
 
 /* Weights (tap, pair of inputs, output, input) in the order (half of the outputs, point, row, pair of inputs, output,
@@ -75,41 +75,44 @@ FOR_AVX2 INLINE void tile_outputs(const int32_t *sums, const index_t step, __m25
     out[3] = divided(_mm256_add_epi32(m[5], _mm256_add_epi32(apart1, _mm256_slli_epi32(apart2, 3))));
 }
 
+/* `tiles` tiles, MOST at a time: as many as the registers hold the sums of. */
 FOR_AVX2 INLINE void winograd_block(const uint8_t *const from[3], const Convolution *c, index_t x, const int tiles,
                                     uint8_t *out) {
-    _Alignas(32) int16_t value[3][POINTS][4][WIDE];
-    _Alignas(32) int32_t sums[POINTS][4][HALF_WIDE];
+    _Alignas(32) int16_t value[3][POINTS][2 * MOST][WIDE];
+    _Alignas(32) int32_t sums[POINTS][2 * MOST][HALF_WIDE];
+    const int some = tiles < MOST ? tiles : MOST;
     for (int j = 0; j < 3; j++)
         for (int t = 0; t < tiles; t++)
             for (int g = 0; g < WIDE; g += 16)
-                tile_points(from[j] + (x + TILE * t) * WIDE + g, value[j][0][t] + g, 4 * WIDE);
-    const int16_t *weight = c->points;
+                tile_points(from[j] + (x + TILE * t) * WIDE + g, value[j][0][t] + g, sizeof value[0][0] / 2);
     for (int o = 0; o < WIDE; o += HALF_WIDE) {
-        for (int p = 0; p < POINTS; p++) {
-            __m256i low[4], high[4];
-            for (int t = 0; t < tiles; t++)
-                low[t] = high[t] = _mm256_setzero_si256();
-            for (int j = 0; j < 3; j++)
-                for (int g = 0; g < WIDE; g += 2, weight += 2 * HALF_WIDE) {
-                    const __m256i a = _mm256_load_si256((const __m256i *)weight),
-                                  b = _mm256_load_si256((const __m256i *)(weight + HALF_WIDE));
-                    for (int t = 0; t < tiles; t++) {
-                        int32_t pair;
-                        memcpy(&pair, value[j][p][t] + g, sizeof pair);
-                        const __m256i same = _mm256_set1_epi32(pair);
-                        ADD_TO(low[t], _mm256_madd_epi16(same, a));
-                        ADD_TO(high[t], _mm256_madd_epi16(same, b));
+        for (int p = 0; p < POINTS; p++)
+            for (int first = 0; first < tiles; first += some) {
+                const int16_t *weight = c->points + (o / HALF_WIDE * POINTS + p) * 3 * PAIRS * WIDE;
+                __m256i low[MOST], high[MOST];
+                for (int t = 0; t < some; t++)
+                    low[t] = high[t] = _mm256_setzero_si256();
+                for (int j = 0; j < 3; j++)
+                    for (int g = 0; g < WIDE; g += 2, weight += WIDE) {
+                        const __m256i a = _mm256_load_si256((const __m256i *)weight),
+                                      b = _mm256_load_si256((const __m256i *)(weight + HALF_WIDE));
+                        for (int t = 0; t < some; t++) {
+                            int32_t pair;
+                            memcpy(&pair, value[j][p][first + t] + g, sizeof pair);
+                            const __m256i same = _mm256_set1_epi32(pair);
+                            ADD_TO(low[t], _mm256_madd_epi16(same, a));
+                            ADD_TO(high[t], _mm256_madd_epi16(same, b));
+                        }
                     }
+                for (int t = 0; t < some; t++) {
+                    _mm256_store_si256((__m256i *)sums[p][first + t], low[t]);
+                    _mm256_store_si256((__m256i *)(sums[p][first + t] + 8), high[t]);
                 }
-            for (int t = 0; t < tiles; t++) {
-                _mm256_store_si256((__m256i *)sums[p][t], low[t]);
-                _mm256_store_si256((__m256i *)(sums[p][t] + 8), high[t]);
             }
-        }
         for (int t = 0; t < tiles; t++) {
             __m256i low[TILE], high[TILE];
-            tile_outputs(sums[0][t], 4 * HALF_WIDE, low);
-            tile_outputs(sums[0][t] + 8, 4 * HALF_WIDE, high);
+            tile_outputs(sums[0][t], sizeof sums[0] / 4, low);
+            tile_outputs(sums[0][t] + 8, sizeof sums[0] / 4, high);
             for (int k = 0; k < TILE; k++)
                 avx2_rescaled(low[k], high[k], c->scale + o, c->bias + o, out + (TILE * t + k) * WIDE + o);
         }
@@ -119,6 +122,8 @@ FOR_AVX2 INLINE void winograd_block(const uint8_t *const from[3], const Convolut
 FOR_AVX2 static void winograd_conv(const uint8_t *const from[3], const Convolution *c, const uint8_t *mask,
                                    index_t width, uint8_t *out) {
     for (index_t x = 0, end; (x = next_run(mask, x, width, &end)) < width; x = end) {
+        for (; end - x > 6 * TILE; x += 8 * TILE)
+            winograd_block(from, c, x, 8, out + x * WIDE);
         for (; end - x > 2 * TILE; x += 4 * TILE)
             winograd_block(from, c, x, 4, out + x * WIDE);
         for (; end - x > TILE; x += 2 * TILE)

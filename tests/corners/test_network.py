@@ -92,6 +92,25 @@ def test_vector_instructions_change_nothing(model):
             assert network(grey, every_cell(grey), 1, instructions).tobytes() == known.tobytes()
 
 
+@pytest.mark.parametrize("sign", ["+", "-", "both"])
+def test_vector_instructions_hold_the_largest_sums(sign):
+    """Weights of ±127 and inputs of 255, as large as they may be: nothing overflows in any form of the sums."""
+    rng = np.random.default_rng(5)
+    whole = {"+": np.full, "-": lambda n, v: np.full(n, -v), "both": lambda n, v: v * rng.choice([-1, 1], n)}[sign]
+    largest = 9 * 32 * 255 * 127
+    layers = [(np.full(32, 3 / largest * 255), np.full(32, 128.0)) for _ in range(6)]  # to 0..255, and beyond
+    reals = [np.zeros(25 * 16), np.full(16, 300.0), *(a for pair in layers for a in pair)]
+    reals += [np.full(16, 1e-4), np.zeros(16), rng.integers(-127, 128, 32 * 16)]
+    weights = np.asarray(whole(9 * 16 * 32 + 5 * 9 * 32 * 32, 127), np.int8)
+    network = CellNetwork(np.concatenate(reals).astype(np.float32), weights)
+    grey = rng.integers(0, 256, (44, 300), np.uint8)
+    cells = np.random.default_rng(1).random((11, 75)) < 0.3
+    known = network(grey, cells, 1, 0)
+    assert len(np.unique(known)) > 2
+    for instructions in (1, 2):
+        assert network(grey, cells, 1, instructions).tobytes() == known.tobytes()
+
+
 @pytest.mark.parametrize("instructions", [0, 1])
 def test_marked_cells_are_computed_alike_without_vector_instructions(auto, instructions):
     grey = crop(3)
