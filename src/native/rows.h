@@ -67,6 +67,32 @@ INLINE void plain_block(const uint8_t *const from[3], const Convolution *c, cons
 ROW_KERNEL(plain_strided, , plain_block, 2, 16, 2)
 ROW_KERNEL(plain_conv, , plain_block, 2, 32, 1)
 
+/* Of Winograd's convolutions (rows_winograd.h): outputs of a tile, and the points at which they are multiplied. */
+enum { TILE = 4, POINTS = TILE + 2, PAIRS = WIDE / 2, HALF_WIDE = WIDE / 2 };
+enum { TRANSFORMED = POINTS * 3 * WIDE * WIDE }; /* weights of a convolution */
+
+/* Weights (tap, pair of inputs, output, input) in the order (half of the outputs, point, row, pair of inputs, output,
+ * input), times 24. */
+INLINE void transformed(const int16_t *pairs, int16_t *restrict out) {
+    const int row = PAIRS * WIDE, tap = 2 * row; /* of `out`, of `pairs` */
+    for (int half = 0; half < 2; half++, out += POINTS * 3 * row)
+        for (int j = 0; j < 3; j++)
+            for (int pair = 0; pair < PAIRS; pair++) {
+                const int16_t *w = pairs + 3 * j * tap + 2 * pair * WIDE + half * WIDE;
+                int16_t *to = out + j * row + pair * WIDE;
+                for (int k = 0; k < WIDE; k++) {
+                    const int first = w[k], middle = w[tap + k], last = w[2 * tap + k];
+                    const int even = first + last, far = first + 4 * last;
+                    to[k] = (int16_t)(6 * first);
+                    to[3 * row + k] = (int16_t)(-4 * (even + middle));
+                    to[6 * row + k] = (int16_t)(-4 * (even - middle));
+                    to[9 * row + k] = (int16_t)(far + 2 * middle);
+                    to[12 * row + k] = (int16_t)(far - 2 * middle);
+                    to[15 * row + k] = (int16_t)(24 * last);
+                }
+            }
+}
+
 #ifdef X86_LEVELS
 #include "rows_x86.h"
 #elif defined(ARM_LEVELS)

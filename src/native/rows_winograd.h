@@ -12,30 +12,7 @@
 
 #include "rows.h"
 
-enum { TILE = 4, POINTS = TILE + 2, PAIRS = WIDE / 2, HALF_WIDE = WIDE / 2, MOST = 4 };
-enum { TRANSFORMED = POINTS * 3 * WIDE * WIDE }; /* weights of a convolution */
-
-/* Weights (tap, pair of inputs, output, input) in the order (half of the outputs, point, row, pair of inputs, output,
- * input), times 24. */
-INLINE void transformed(const int16_t *pairs, int16_t *restrict out) {
-    const int row = PAIRS * WIDE, tap = 2 * row; /* of `out`, of `pairs` */
-    for (int half = 0; half < 2; half++, out += POINTS * 3 * row)
-        for (int j = 0; j < 3; j++)
-            for (int pair = 0; pair < PAIRS; pair++) {
-                const int16_t *w = pairs + 3 * j * tap + 2 * pair * WIDE + half * WIDE;
-                int16_t *to = out + j * row + pair * WIDE;
-                for (int k = 0; k < WIDE; k++) {
-                    const int first = w[k], middle = w[tap + k], last = w[2 * tap + k];
-                    const int even = first + last, far = first + 4 * last;
-                    to[k] = (int16_t)(6 * first);
-                    to[3 * row + k] = (int16_t)(-4 * (even + middle));
-                    to[6 * row + k] = (int16_t)(-4 * (even - middle));
-                    to[9 * row + k] = (int16_t)(far + 2 * middle);
-                    to[12 * row + k] = (int16_t)(far - 2 * middle);
-                    to[15 * row + k] = (int16_t)(24 * last);
-                }
-            }
-}
+enum { MOST = 4 }; /* tiles whose sums the registers hold */
 
 /* The points of a tile's six inputs, 16 channels each. */
 FOR_AVX2 INLINE void tile_points(const uint8_t *from, int16_t *out, const index_t step) {
