@@ -42,11 +42,11 @@ def test_rms_is_of_lengths_by_their_weights_squared():
 @pytest.mark.parametrize("model", ["pinhole", "brown"])
 def test_the_simplest_that_does_nearly_as_well(model):
     state, task = whole_boards(model, 0, 8)
-    starts = [lensed(state, m) for m in ("pinhole", "brown", "rational")]
-    at, trials = choose.compare(starts, task, [default_free(s) for s in starts])
-    assert starts[at].cameras[0].model == model
-    assert trials[0].rms >= trials[1].rms >= trials[2].rms - 1e-4  # each can do all that the one before it can
-    assert trials[at].held <= choose.SIMPLER * np.nanmin([t.held for t in trials])
+    starts = {m: lensed(state, m) for m in ("pinhole", "brown", "rational")}
+    at, scores = choose.compare(starts, task, [default_free(s) for s in starts.values()])
+    assert scores[at].model == model
+    assert scores[0].rms >= scores[1].rms >= scores[2].rms - 1e-4  # each can do all that the one before it can
+    assert scores[at].held_out <= choose.SIMPLER * np.nanmin([s.held_out for s in scores])
 
 
 def test_blurred_pictures_do_not_hide_a_lens():
@@ -55,9 +55,9 @@ def test_blurred_pictures_do_not_hide_a_lens():
     blurred = task.picture >= 8
     task.corners.xy[blurred] += np.random.default_rng(1).normal(0, 20, (blurred.sum(), 2))
     task.weight[blurred] = 0.05
-    starts = [lensed(state, m) for m in ("pinhole", "brown")]
-    at, _ = choose.compare(starts, task, [default_free(s) for s in starts])
-    assert starts[at].cameras[0].model == "brown"
+    starts = {m: lensed(state, m) for m in ("pinhole", "brown")}
+    at, scores = choose.compare(starts, task, [default_free(s) for s in starts.values()])
+    assert scores[at].model == "brown"
 
 
 def test_held_out_is_a_calibration_of_the_others():
@@ -68,9 +68,9 @@ def test_held_out_is_a_calibration_of_the_others():
     held = choose.held_out(start, task, free)
     assert np.isnan(held[5]).all()
     assert np.isfinite(np.delete(held, 5, axis=0)).all()
-    _, (trial,) = choose.compare([start], task, [free])
-    assert trial.rms < trial.held < 1.2 * trial.rms
-    assert trial.held == pytest.approx(choose.rms(held, task.weight), rel=1e-3)
+    _, (score,) = choose.compare({"brown": start}, task, [free])
+    assert score.rms < score.held_out < 1.2 * score.rms
+    assert score.held_out == pytest.approx(choose.rms(held, task.weight), rel=1e-3)
     few = replace(task, picture=task.picture % 3)
     assert np.isnan(choose.held_out(start, few, free)).all()
 
@@ -81,9 +81,9 @@ def test_a_model_that_fits_too_much_is_worse_held_out():
     fits, helds = [], []
     for model in ("pinhole", "rational"):
         start = lensed(state, model)
-        _, (trial,) = choose.compare([start], task, [default_free(start)])
-        fits.append(trial.rms)
-        helds.append(trial.held)
+        _, (score,) = choose.compare({model: start}, task, [default_free(start)])
+        fits.append(score.rms)
+        helds.append(score.held_out)
     assert fits[1] < fits[0]
     assert helds[1] > helds[0]
 

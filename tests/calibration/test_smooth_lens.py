@@ -6,6 +6,7 @@ from importlib import import_module
 
 import numpy as np
 import pytest
+from jackknife import deviations
 from typer.testing import CliRunner
 
 from rcdn.calibration import calibrate, estimate_pose
@@ -122,8 +123,8 @@ def test_flat_corrections_cost_and_bent_ones_of_the_typical_size_cost_one():
 
 def test_views_tell_of_a_corrected_lens_under_the_prior_of_its_bending(smooth):
     """Without it control points that no corner tells of leave the focal length open by thousands of pixels."""
-    deviations = view_information(smooth).at_optimum().deviations()
-    assert (deviations[:4] < 4 * smooth.std[:4]).all()
+    found = deviations(view_information(smooth).at_optimum())
+    assert (found[:4] < 4 * smooth.std[:4]).all()
 
 
 def test_a_corrected_camera_agrees_with_itself(smooth):

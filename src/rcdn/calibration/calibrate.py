@@ -212,8 +212,7 @@ def _choose(task: Usable, fits: dict[str, robust.Fit]) -> tuple[str, tuple[Model
     the model that leaves out the fewest."""
     common = _common(task, fits)
     free = [default_free(f.state, shape=True) for f in fits.values()]
-    at, trials = choose.compare([f.state for f in fits.values()], common, free)
-    scores = [ModelScore(m, t.rms, t.held) for m, t in zip(fits, trials, strict=True)]
+    at, scores = choose.compare({m: f.state for m, f in fits.items()}, common, free)
     scores.insert(0, scores.pop(at))
     return scores[0].model, tuple(scores)
 

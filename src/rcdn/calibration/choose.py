@@ -9,7 +9,7 @@ import numpy as np
 from rcdn.calibration.bundle import Corners3, State, default_free, residuals
 from rcdn.calibration.sight import reach
 from rcdn.calibration.solver import ROUGH_TOLERANCE, solve
-from rcdn.types import Array
+from rcdn.types import Array, ModelScore
 from rcdn.types.arrays import Real
 
 FOLDS = 5
@@ -36,37 +36,27 @@ class Task:
     picture: Array
 
 
-@dataclass(frozen=True, eq=False)
-class Trial:
-    """A model's `state` fitted to all corners; its error there, `rms`, and in held-out pictures, `held`, px (NaN: not
-    evaluated)."""
-
-    state: State
-    rms: float
-    held: float
-
-
-def compare(starts: list[State], task: Task, free: list[Array]) -> tuple[int, list[Trial]]:
-    """Index of the selected model, and the trial of each; `starts` are the models' initial states, the simplest first,
-    `free` (K,) their unknowns.
+def compare(starts: dict[str, State], task: Task, free: list[Array]) -> tuple[int, list[ModelScore]]:
+    """Index of the selected model, and the score of each; `starts` are the models' initial states by name, the simplest
+    first, `free` (K,) their unknowns.
 
     Selected is the simplest model whose held-out error, weighted as in the fit (`rms`), is close to the least. A model
     whose error on its own pictures is no smaller than the held-out error of a simpler one is not cross-validated. A
     lens that has no rays in a part of the frame in which another has them is excluded: polynomials may fold where no
     corner was. With too few pictures `brown`, the usual choice, is selected if it is among the models.
     """
-    states = [solve(s, task.corners, task.weight, f).state for s, f in zip(starts, free, strict=True)]
+    states = [solve(s, task.corners, task.weight, f).state for s, f in zip(starts.values(), free, strict=True)]
     fits = [rms(residuals(s, task.corners), task.weight) for s in states]
     reaches = np.array([reach(s.cameras[0]) for s in states])
     held = np.full(len(states), np.nan)
     for k in np.flatnonzero(reaches >= reaches.max() - LOST):
         if not (held <= SIMPLER * fits[k]).any():
             held[k] = held_out_rms(states[k], task, free[k])
-    trials = [Trial(*each) for each in zip(states, fits, held.tolist(), strict=True)]
+    scores = [ModelScore(*each) for each in zip(starts, fits, held.tolist(), strict=True)]
     if np.isnan(held).all():
         models = [s.cameras[0].model for s in states]
-        return (models.index("brown") if "brown" in models else 0), trials
-    return int(np.flatnonzero(held <= SIMPLER * np.nanmin(held))[0]), trials
+        return (models.index("brown") if "brown" in models else 0), scores
+    return int(np.flatnonzero(held <= SIMPLER * np.nanmin(held))[0]), scores
 
 
 def held_out(state: State, task: Task, free: Array) -> Real[Array, "n 2"]:

@@ -50,16 +50,6 @@ class ViewInformation:
         step = solved(self.information.sum(axis=0) + self.prior, self.score.sum(axis=0))
         return ViewInformation(self.score - self.information @ step, self.information, self.prior)
 
-    def deviations(self, directions: Array | None = None) -> Real[Array, " q"]:
-        """(q,) standard deviations of the camera along `directions` (P, q; default: its parameters), by a linearised
-        jackknife over views."""
-        H, g = self.information.sum(axis=0) + self.prior, self.score.sum(axis=0)
-        moved = solved(H - self.information, g - self.score) - solved(H, g)
-        if directions is not None:
-            moved = moved @ directions
-        n = len(self)
-        return np.asarray(np.sqrt((n - 1) / n * (moved**2).sum(axis=0)))
-
 
 def corners_of(calibration: Calibration, views: Sequence[BoardView], masks: Sequence[Array]) -> tuple[Corners3, Array]:
     """The corners of `views` at their `masks` (M,) bool, frame k being view k, and their sigma (N,) px, 0 where
