@@ -11,6 +11,7 @@ import pytest
 
 from rcdn.batch import inputs
 from rcdn.batch.calibration_runs import BoardReader
+from rcdn.batch import pool
 from rcdn.calibration.verdict import headline
 from rcdn.io import (
     ImageResult,
@@ -193,13 +194,13 @@ def test_pictures_are_looked_at_once(run):
         write_image(Path(f"{k}.png"), render(scene))
     arguments = ("calibrate", "*.png", *FAST, "--cache", "kept", "--json")
     fine(run(*arguments, "one.json"))
-    reused = []
-    gather = inputs.gather
-    patch = pytest.MonkeyPatch()
-    patch.setattr(inputs, "gather", lambda *a, **k: reused.append(gather(*a, **k)) or reused[-1])
-    fine(run(*arguments, "two.json"))
-    patch.undo()
-    assert [g.reused for g in reused] == [4]
+    known = []
+    compute = pool.compute
+    with pytest.MonkeyPatch.context() as patch:
+        noted = lambda picture: known.append(picture.known is not None) or picture  # noqa: E731
+        patch.setattr(pool, "compute", lambda pictures, *rest: compute(map(noted, pictures), *rest))
+        fine(run(*arguments, "two.json"))
+    assert known == [True] * 4
     assert Path("one.json").read_bytes() == Path("two.json").read_bytes()
     found = read_calibration("one.json")
     assert found.camera.K[0, 0] == pytest.approx(300, abs=5 * found.std[0] + 1)

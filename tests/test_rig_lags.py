@@ -37,7 +37,7 @@ class Filmed(BoardReader):
         chosen = [n for n in chosen if n < LONG]
         self.looked_at += len(chosen)
         images = tuple(self._image(name, n) for n in chosen)
-        return Gathered(images, (), (), (tuple(chosen),), 0)
+        return Gathered(images, (), (), (tuple(chosen),))
 
     def check(self, got, spacing):
         pass

@@ -48,16 +48,14 @@ class Gathered:
 
     `images`: all photographs, with or without a board, and the chosen frames of videos. `failures`: inputs that could
     not be read, each already reported. `notes`: sentences on what was left out. `frames`: for each video the numbers of
-    its frames in `images`. `reused`: the number of pictures whose detections came from the cache. `saved`: for each
-    picture that is named only by a file of saved detections, the folder of that file. `examined`: the number of frames
-    of videos in which boards were looked for.
+    its frames in `images`. `saved`: for each picture that is named only by a file of saved detections, the folder of
+    that file. `examined`: the number of frames of videos in which boards were looked for.
     """
 
     images: tuple[ImageResult, ...]
     failures: tuple[Failure, ...]
     notes: tuple[str, ...]
     frames: Numbers
-    reused: int
     saved: Mapping[str, Path] = field(default_factory=dict)
     examined: int = 0
 
@@ -131,7 +129,6 @@ class _Run:
         self._silent = silent
         self._given = dict(zip(self._videos, numbers, strict=False)) if numbers is not None else None
         self._notes: list[str] = []
-        self._reused = 0
 
     # ---- detections that were saved
 
@@ -164,7 +161,7 @@ class _Run:
         with (
             progress(len(self.paths)) as bar,
             closing(in_thread(lambda: self._pictures(jobs == 1, work.cache, bar))) as pictures,
-            closing(pool.compute(self._counted(pictures), work, jobs)) as results,
+            closing(pool.compute(pictures, work, jobs)) as results,
         ):
             for done in results:
                 bar.advance(done.index, done.name)
@@ -183,11 +180,6 @@ class _Run:
         self.failures.append(failure)
         if first_time(failure.message):
             report(failure.message)
-
-    def _counted(self, pictures: Iterator[Picture]) -> Iterator[Picture]:
-        for picture in pictures:
-            self._reused += picture.known is not None
-            yield picture
 
     def _pictures(self, decode: bool, cache: Cache | None, bar: Bar) -> Iterator[Picture]:
         for index, path in self.shot.items():
@@ -228,7 +220,6 @@ class _Run:
             tuple(self.failures),
             tuple(self._notes),
             tuple(kept),
-            self._reused,
             self._saved_only(),
             sum(len(video.examined) for video in self._videos.values()),
         )

@@ -186,7 +186,9 @@ class _Pool:
 
     def _close(self) -> None:
         """End all workers: idle ones see that there are no more pictures, the others are requested to end."""
-        with self._crew.uninterrupted():
+        from rcdn.batch.processes import no_interrupts
+
+        with no_interrupts():
             for worker in self._workers:
                 worker.dismiss()
             deadline = time.monotonic() + PATIENCE

@@ -72,9 +72,6 @@ class Processes:
         speaking = connection.wait([w.pipe for w in workers])
         return [(w, _message(w)) for w in workers if w.pipe in speaking]
 
-    def uninterrupted(self) -> contextlib.AbstractContextManager[None]:
-        return no_interrupts()
-
 
 def _message(worker: Process) -> Any:
     try:

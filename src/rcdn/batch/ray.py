@@ -117,9 +117,6 @@ class Actors:
             ready += self._ray.wait(more, num_returns=len(more), timeout=0)[0]
         return [(first[answer], first[answer].message()) for answer in ready]
 
-    def uninterrupted(self) -> contextlib.AbstractContextManager[None]:
-        return no_interrupts()
-
 
 class Actor:
     """The caller's handle of an actor; see `rcdn.batch.workers.Worker`. `answers`: the pending results, in request

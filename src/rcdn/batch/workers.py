@@ -54,6 +54,3 @@ class Crew(Protocol):
     def hear(self, workers: Sequence[Any]) -> list[tuple[Any, Any]]:
         """Wait for messages, and return (worker, message): None (it is ready), a Done of its first picture, an error or
         LOST."""
-
-    def uninterrupted(self) -> Any:
-        """A context in which Ctrl-C is deferred."""
