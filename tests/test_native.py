@@ -12,6 +12,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 import pytest
+from tests.precision import window_pixels
 
 from rcdn import native
 from rcdn.config import DetectorConfig
@@ -79,7 +80,7 @@ def use_the_package():
     Detector(DetectorConfig(pattern="deltille")).detect(board_picture(pattern="deltille"))
     maps = lattice.lattice(ij, xy)
     frame = window.frames(maps, xy, np.zeros(ij.shape, bool), 1.0)
-    window.windows(grey, maps, frame)
+    window_pixels.windows(grey, maps, frame)
     maps.pixels(np.arange(len(xy)), np.zeros((len(xy), 2)), xy)
     fit.fit_corners(grey, ij, xy)
     fit.fit_corners(grey, ij, xy, around(ij))
@@ -126,7 +127,7 @@ def calls():
     use_the_package()  # whatever the package imports only then
     names = {id(kernel): name for name, kernel in KERNELS.items()}
     with pytest.MonkeyPatch.context() as patch:
-        for module in [m for name, m in sys.modules.items() if name.startswith("rcdn.")]:
+        for module in [window_pixels, *(m for name, m in sys.modules.items() if name.startswith("rcdn."))]:
             for key, value in list(vars(module).items()):
                 inner = getattr(value, "__wrapped__", value)
                 if id(inner) in names:

@@ -51,8 +51,8 @@ def test_boards_that_face_the_camera_do_not_settle_the_focal_length(seed, degree
     first, *_ = undetermined(done)
     assert first.quantity == "focal length"
     assert first.deviation > 0.05
-    assert "faces the camera in all 8 views" in first.sentence
-    assert "Tilt it by 30°" in first.sentence
+    assert "faces the camera in all 8 views" in first.finding
+    assert "Tilt it by 30°" in first.remedy
 
 
 def test_the_deviation_is_that_of_repeated_calibrations():
@@ -76,7 +76,7 @@ def test_views_without_tilt_tell_nothing_even_if_they_agree():
     assert tilt(flat) == pytest.approx((0, 0), abs=1e-6)
     first, *_ = undetermined(flat)
     assert first.quantity == "focal length"
-    assert "any value fits" in first.sentence
+    assert "any value fits" in first.finding
 
 
 def test_tilt_to_one_side_is_told_from_tilt_to_all():

@@ -80,7 +80,7 @@ def test_two_zooms_are_told_by_their_names():
         assert len(group.names) == group.views == 8
         truth = zoomed(PINHOLE, factor).parameters
         assert (np.abs(group.camera.parameters - truth) < 5 * group.std).all()
-        assert f"in 8 pictures ({label})" in finding.sentence
+        assert f"in 8 pictures ({label})" in finding.finding
     assert finding.together > 1.05 * max(g.rms for g in finding.groups)
     assert finding.difference == pytest.approx(apart_by(PINHOLE, zoomed(PINHOLE, 1.04)), rel=0.2)
 
@@ -91,7 +91,7 @@ def test_another_principal_point_is_found_too():
     finding = found(cameras, names, 2)
     assert finding.by == "names"
     assert {g.label for g in finding.groups} == {"cam0_*", "cam1_*"}
-    assert "cx " in finding.sentence or "cy " in finding.sentence
+    assert "cx " in finding.finding or "cy " in finding.finding
 
 
 def test_a_zoom_in_the_middle_is_found_without_names():

@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 from scipy.special import erf
+from window_pixels import windows
 
 from rcdn.precision.fit import fit_round, levels
 from rcdn.precision.lattice import Lattice
 from rcdn.precision.model import BLUR, CONTRAST, COUNT, CURVE, MEAN
 from rcdn.precision.prior import Prior
-from rcdn.precision.window import frames, windows
+from rcdn.precision.window import frames
 
 SIZE, PITCH = 128, 24.0
 START = np.zeros(COUNT)

@@ -5,12 +5,13 @@ import numpy as np
 import pytest
 from scipy.special import erf
 from test_fit import SIZE, START, TRUE, drawn, fitted, maps
+from window_pixels import windows
 
 from rcdn.precision.fit import levels
 from rcdn.precision.model import BLUR, CONTRAST, CURVE
 from rcdn.precision.surroundings import EDGES, shape
 from rcdn.precision.surroundings import drawn as for_kernels
-from rcdn.precision.window import frames, windows
+from rcdn.precision.window import frames
 
 U, V = np.array([-0.4, -0.3, -0.1, 0.05, 0.3]), np.array([-0.35, -0.2, 0.1, 0.4])
 VALUES = np.array([[-2, -2, 0], [-2, 0, -2], [0, 0, -2], [-2, -2, -2]])

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 from sharp_scene import example
+from window_pixels import windows
 
 from rcdn.precision.lattice import lattice
-from rcdn.precision.window import frames, windows
+from rcdn.precision.window import frames
 
 HALF = 0.5
 

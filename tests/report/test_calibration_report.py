@@ -8,8 +8,9 @@ import cv2
 import numpy as np
 import pytest
 
-from rcdn.calibration.facts import measure
+from rcdn.calibration.facts import GRID, measure
 from rcdn.calibration.residual_facts import mean_residuals
+from rcdn.calibration.sight import cell_centres, cells_of, out_of_sight
 from rcdn.calibration.stereo_verdict import baseline_std
 from rcdn.calibration.verdict import headline, judge
 from rcdn.errors import OutputError
@@ -363,7 +364,8 @@ def test_a_fisheye_isnt_blamed_for_the_dark_around_its_circle_but_a_folded_lens_
     radius = np.hypot(*np.meshgrid(np.arange(8) - 3.5, np.arange(6) - 2.5)) * 80
     assert facts.in_view[radius < 204 - 57].all()  # half a cell's diagonal
     assert not facts.in_view[radius > 204 + 57].any()
-    assert facts.beyond.mean() == pytest.approx(1 - np.pi * (130 * np.pi / 2) ** 2 / (640 * 480), abs=0.01)
+    beyond, _ = out_of_sight(circle, cell_centres(SIZE, cells_of(SIZE, GRID)))
+    assert beyond.mean() == pytest.approx(1 - np.pi * (130 * np.pi / 2) ** 2 / (640 * 480), abs=0.01)
     folded = measure(simulated(FOLDED, 8, reach=(0.1, 0.1)))
     # r·(1 − 0.9 r²) turns back at r = 1/√2.7; what it reaches is a disc of 2/3 of that
     disc = np.pi * (400 * 2 / 3 / np.sqrt(2.7)) ** 2 / (640 * 480)

@@ -34,8 +34,8 @@ class BoardFacts:
 class Facts:
     """`coverage` (rows, cols) number of used corners in each cell; `in_view` (rows, cols) cells that count; `covered`,
     the share of those with a corner. `uncertainty` (h, w) px at the centres of small boxes over the frame, NaN without
-    a ray; `beyond` (h, w) boxes that do not count, outside what the lens images, and `broken` (h, w) those in which the
-    lens model has no ray though the lens images something; `reach`, the share of valid boxes among those that count.
+    a ray; `broken` (h, w) boxes in which the lens model has no ray though the lens images something; `reach`, the share
+    of valid boxes among those that count, which do not lie outside what the lens images.
     `corners` (2, 2) px uncertainty in the frame's corners, and in its `middle`; `at_corners`, that of the worst corner
     (of the worst box if no corner counts; infinite if the model is invalid in a corner); `typical`, the median over the
     frame. `fov` horizontal, vertical and diagonal, degrees. `focal_std` relative, of the worse axis; `centre_std` px,
@@ -48,7 +48,6 @@ class Facts:
     in_view: Array
     covered: float
     uncertainty: Array
-    beyond: Array
     broken: Array
     reach: float
     corners: Array
@@ -86,7 +85,6 @@ def measure(calibration: Calibration) -> Facts:
         in_view=in_view,
         covered=float((count > 0).sum() / max(in_view.sum(), 1)),
         uncertainty=spread,
-        beyond=beyond,
         broken=broken,
         reach=float(1 - broken.sum() / max((~beyond).sum(), 1)),
         corners=ends,

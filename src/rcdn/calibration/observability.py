@@ -56,11 +56,6 @@ class Undetermined:
         known = f"± {size}" if self.deviation < 1e4 else "any value fits"
         return f"The {self.quantity} can't be known from these pictures ({known}): {self.cause}."
 
-    @property
-    def sentence(self) -> str:
-        """What is undetermined, why, and what to do."""
-        return f"{self.finding} {self.remedy}"
-
 
 def undetermined(calibration: Calibration) -> tuple[Undetermined, ...]:
     """The quantities that the views of `calibration` do not determine, the worst first; () if all are determined.

@@ -69,11 +69,6 @@ class SeveralCameras:
     together: float
 
     @property
-    def sentence(self) -> str:
-        """What was found and what to do."""
-        return f"{self.finding} {REMEDY}"
-
-    @property
     def finding(self) -> str:
         """Which pictures belong together, and in which parameter the groups differ."""
         z = significance(self.groups)

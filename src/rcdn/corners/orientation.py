@@ -15,8 +15,6 @@ from rcdn.types.arrays import Bool, Real
 
 HALF_TURN = constants("rings")["DIRECTIONS"]
 """Directions in [0, π) at which the rings are sampled."""
-RINGS = constants("rings")["RINGS"]
-"""Rings around a corner, at 0.8, 1 and 1.2 times its radius."""
 MIN_CONTRAST = 1.0
 """Least difference between the sectors, grey levels."""
 _axes = bind("rcdn_axes")

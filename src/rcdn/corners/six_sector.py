@@ -14,15 +14,13 @@ import numpy as np
 
 from rcdn.config import DetectorConfig
 from rcdn.corners import Candidates, Maxima, first_of_each
-from rcdn.corners.orientation import MIN_CONTRAST, Orientation, sample_rings
+from rcdn.corners.orientation import HALF_TURN, MIN_CONTRAST, Orientation, sample_rings
 from rcdn.corners.peaks import nearest_other
 from rcdn.corners.refine import peak_offset
 from rcdn.corners.symmetry import symmetry_centre
 from rcdn.types import Array, Corners, Status
 from rcdn.types.arrays import Bool, Real, Shaped
 
-HALF_TURN = 48
-"""directions in [0, π) at which the rings are sampled; as in `orientation`"""
 NARROWEST = 3
 """least width of a sector, in directions (11°): a deltille tilted by 75° has sectors this narrow"""
 MIN_FIT = 0.45

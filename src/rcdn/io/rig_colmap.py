@@ -19,8 +19,6 @@ from rcdn.io.cameras import colmap
 from rcdn.io.fields import numbers, take
 from rcdn.types import Array, Camera, Pose, Rig
 
-TITLE = "COLMAP's rig_config.json"
-
 
 def text(names: Sequence[str], cameras: Sequence[Camera], places: Sequence[Array]) -> str:
     """The file's text; pictures of a camera are in the folder of its name, and the first camera is the reference

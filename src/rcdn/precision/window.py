@@ -9,42 +9,19 @@ information.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from rcdn.geometry.median import median
 from rcdn.native import bind, constants
 from rcdn.precision.lattice import Lattice, Maps
 from rcdn.types import Array
-from rcdn.types.arrays import Bool, Real, Shaped
+from rcdn.types.arrays import Bool, Real
 
-FRAME, REACH, CENTRE, THIN, MIDDLE = (constants("fit")[name] for name in ("FRAME", "REACH", "CENTRE", "THIN", "MIDDLE"))
-"""count of numbers that describe a window, see `frames`; indices of its half extents, its centre, its subsampling
-factor, and the middle of its extents"""
-FULL = constants("fit")["MOST"]
-"""largest number of pixels in a window"""
+FRAME, REACH, THIN, MIDDLE = (constants("fit")[name] for name in ("FRAME", "REACH", "THIN", "MIDDLE"))
+"""count of numbers that describe a window, see `frames`; indices of its half extents, its subsampling factor, and the
+middle of its extents"""
 
-_frames, _windows = bind("rcdn_fit_frames", Maps), bind("rcdn_fit_windows", Maps)
-
-
-@dataclass(frozen=True, eq=False)
-class Windows:
-    """The pixels of N corners, P per corner, float32, as the kernels use them.
-
-    `spot` (2, N, P): position, px from `centre` (N, 2); `value` (N, P) grey levels; `u`, `v` (N, P) squares from the
-    corner; `gu`, `gv` (N, P) lengths of their gradients, squares per px; `mask` (N, P) bool: False where a corner has
-    fewer pixels.
-    """
-
-    centre: Array
-    spot: Array
-    value: Array
-    u: Array
-    v: Array
-    gu: Array
-    gv: Array
-    mask: Array
+_frames = bind("rcdn_fit_frames", Maps)
 
 
 def frames(
@@ -79,12 +56,3 @@ def _cut(frame: Array, ends: Real[Array, "n 4"]) -> None:
         low, high = (np.minimum(ends[:, 2 * k + side], reach) for side in (0, 1))
         frame[:, REACH + k], frame[:, MIDDLE + k] = (high + low) / 2, (high - low) / 2
         frame[:, THIN] *= frame[:, REACH + k] / reach  # approximately, as the number of pixels changes
-
-
-def windows(grey: Shaped[Array, "h w"], maps: Lattice, frame: Array) -> Windows:
-    """The pixels of `grey` (H, W) in the windows `frame` (N, FRAME), with board coordinates by `maps`. `mask` is False
-    outside the picture."""
-    count, out = np.empty(len(frame), np.int64), np.zeros((8, len(frame), FULL), np.float32)
-    _windows(grey, maps.maps, frame, count, out)
-    x, y, value, u, v, gu, gv, mask = out[..., : max(int(count.max(initial=0)), 1)]
-    return Windows(frame[:, CENTRE : CENTRE + 2].astype(np.int64), np.stack([x, y]), value, u, v, gu, gv, mask > 0)
