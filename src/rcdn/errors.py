@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any, TypeVar
 
 T = TypeVar("T")
@@ -69,6 +71,15 @@ class DependencyError(RcdnError, ImportError):
 
 class CalibrationError(RcdnError):
     """Boards that don't determine a camera, a pose or a pair of cameras; the message says which pictures to take."""
+
+
+@contextmanager
+def said_of(what: str, kind: type[RcdnError]) -> Iterator[None]:
+    """An error of this kind that is raised inside gets a message that begins with `what` it is about."""
+    try:
+        yield
+    except kind as error:
+        raise kind(f"{what}: {error}") from error
 
 
 def present(value: T | None, what: str) -> T:

@@ -37,11 +37,11 @@ def alone(seen):
     """Each camera from its own boards alone, once it is asked for: by name the same whatever the moments."""
     boards, _ = seen
     geometries = rig_module.Geometries.of([b for each in boards.values() for b in each], SPACING, None)
-    calibrated = rig_module._alone  # in whose place `rig` puts this
+    calibrated = rig_module.with_lens  # in whose place `rig` puts this
 
     class Alone(dict):
         def __missing__(self, name):
-            self[name] = calibrated(name, boards[name], geometries, None, "brown")
+            self[name] = calibrated(boards[name], geometries, None, "brown")
             return self[name]
 
     return Alone()
@@ -50,7 +50,8 @@ def alone(seen):
 @pytest.fixture
 def rig(seen, alone, monkeypatch):
     """The rig's calibration by its boards' moments."""
-    monkeypatch.setattr(rig_module, "_alone", lambda name, *_: alone[name])
+    name_of = {id(boards): name for name, boards in seen[0].items()}
+    monkeypatch.setattr(rig_module, "with_lens", lambda boards, *_: alone[name_of[id(boards)]])
     return lambda moments: calibrate_rig(seen[0], SPACING, moments=moments, model="brown")
 
 

@@ -22,6 +22,7 @@ from rcdn.calibration.start import first_camera, poses
 from rcdn.calibration.uncertainty import covariance, with_held
 from rcdn.calibration.usable import FEWEST_VIEWS, Usable, board_view, one_size, too_few, usable, with_poses
 from rcdn.errors import CalibrationError, ConfigError, shown
+from rcdn.geometry import folds
 from rcdn.types import (
     Array,
     Board,
@@ -237,7 +238,7 @@ def _splined(
     """The fit with a smooth correction of its lens, and its score; None if it does not reduce the held-out error
     (unless `requested` by the user), or if the corrected projection folds."""
     state = smooth_lens.fitted(fit.state, task.corners, fit.weight)
-    if not smooth_lens.whole(state.cameras[0]):
+    if folds(state.cameras[0]):
         return None
     cluster = alike(task.corners, state.cameras[0].image_size, pictures_of(task))
     found = robust.fit(state, fit.noise, task.corners, task.sigma, default_free(state, shape=True), cluster, spacing)

@@ -11,7 +11,7 @@ import numpy as np
 from rcdn.calibration import choose, fit_checks, robust, view_checks
 from rcdn.calibration.advice import notes
 from rcdn.calibration.bundle import State, default_free
-from rcdn.calibration.calibrate import pictures_of, result_of
+from rcdn.calibration.calibrate import check_arguments, names_of, pictures_of, result_of, with_geometries
 from rcdn.calibration.coded import Geometries
 from rcdn.calibration.facts import measure
 from rcdn.calibration.near_duplicates import alike
@@ -70,6 +70,21 @@ def with_known_lens(
     lens = camera.model if camera.correction is None else f"{camera.model} with spline"
     score = ModelScore(lens, choose.rms(fit.residuals, fit.weight), float("nan"))
     return judged_known(result_of(task, boards, labels, names, fit, whole, (score,), FEWEST_POSES))
+
+
+def with_lens(
+    boards: Sequence[Board],
+    geometries: Geometries,
+    names: Sequence[str] | None,
+    lens: str | Camera,
+    strict: bool = False,
+) -> Calibration:
+    """The calibration of one camera with a lens model or with a known lens; `strict`: plain boards that cannot be part
+    of the whole board are refused."""
+    check_arguments(boards, names, lens if isinstance(lens, str) else "auto", None)
+    if isinstance(lens, Camera):
+        return with_known_lens(boards, geometries, names_of(boards, names), lens, strict)
+    return with_geometries(boards, geometries, names_of(boards, names), lens, strict=strict)
 
 
 def _fitted(task: Usable, start: State, noise: float, spacing: float) -> robust.Fit:

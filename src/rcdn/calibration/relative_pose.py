@@ -86,11 +86,6 @@ def hypotheses(first: Calibration, second: Calibration, pairs: Sequence[tuple[in
     return Hypotheses(T, turns, np.linalg.norm(left[:, :3, 3], axis=1))
 
 
-def most_agreed(first: Calibration, second: Calibration, pairs: Sequence[tuple[int, int]]) -> tuple[Array, int]:
-    """The hypothesis, among those of all pairs, with the most support, and the number of pairs that support it."""
-    return hypotheses(first, second, pairs).most_agreed()
-
-
 def _disagree(
     first: Calibration,
     second: Calibration,
@@ -134,7 +129,7 @@ def _shift(
         ]
         if len(pairs) < FEWEST_PAIRS:
             continue
-        votes = most_agreed(first, second, pairs)[1]
+        votes = hypotheses(first, second, pairs).most_agreed()[1]
         if votes >= max(2 * len(pairs) / 3, FEWEST_PAIRS, most + 1) and (best is None or votes > best[1]):
             best = (by, votes, pairs[0])
     return best

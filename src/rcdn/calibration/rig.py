@@ -13,11 +13,10 @@ import numpy as np
 from rcdn.calibration import robust
 from rcdn.calibration.arguments import check_boards, given_size
 from rcdn.calibration.board_paths import times_of
-from rcdn.calibration.calibrate import check_arguments, names_of, with_geometries
 from rcdn.calibration.coded import Geometries, Spacing
 from rcdn.calibration.common_model import one_model
 from rcdn.calibration.fixed_boards import in_sets
-from rcdn.calibration.known_lens import with_known_lens
+from rcdn.calibration.known_lens import with_lens
 from rcdn.calibration.labels import Size
 from rcdn.calibration.lags import lags_of, late_moments
 from rcdn.calibration.one_thread import one_thread
@@ -29,7 +28,7 @@ from rcdn.calibration.rig_solution import RigSolution
 from rcdn.calibration.rig_start import Key
 from rcdn.calibration.rig_task import RigTask
 from rcdn.calibration.time_shift import InStep, by_name, in_step
-from rcdn.errors import CalibrationError, ConfigError
+from rcdn.errors import CalibrationError, ConfigError, said_of
 from rcdn.types import Array, Board, Calibration, Camera, FixedBoard, RigCalibration
 
 
@@ -80,7 +79,8 @@ def calibrate_rig(
     @cache
     def as_model(camera: int, lens: str) -> Calibration:
         name = order[camera]
-        return _alone(name, views[name], geometries, (names or {}).get(name), given.get(name, lens), size is not None)
+        with said_of(f"camera {name}", CalibrationError):
+            return with_lens(views[name], geometries, (names or {}).get(name), given.get(name, lens), size is not None)
 
     lenses = [
         given[name].model if name in given else model if isinstance(model, str) else model[name] for name in order
@@ -128,25 +128,6 @@ def _moments(views: Mapping[str, Sequence[Board]], moments: Mapping[str, Sequenc
         if name not in moments or len(moments[name]) != len(boards):
             raise ConfigError(f"moments[{name!r}] must have one entry a board: {len(boards)}")
     return [[str(m) for m in moments[name]] for name in views]
-
-
-def _alone(
-    name: str,
-    boards: Sequence[Board],
-    geometries: Geometries,
-    names: Sequence[str] | None,
-    lens: str | Camera,
-    strict: bool = False,
-) -> Calibration:
-    """The calibration of one camera alone, with a lens model or with a known lens; `strict`: plain boards that cannot
-    be part of the whole board are refused."""
-    try:
-        check_arguments(boards, names, lens if isinstance(lens, str) else "auto", None)
-        if isinstance(lens, Camera):
-            return with_known_lens(boards, geometries, names_of(boards, names), lens, strict)
-        return with_geometries(boards, geometries, names_of(boards, names), lens, strict=strict)
-    except CalibrationError as error:
-        raise CalibrationError(f"camera {name}: {error}") from error
 
 
 def _of_one_make(

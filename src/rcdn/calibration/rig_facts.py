@@ -11,7 +11,7 @@ from rcdn.calibration.advice import judged
 from rcdn.calibration.known_lens import judged_known
 from rcdn.calibration.limits import growth, reason
 from rcdn.calibration.rig_start import Key
-from rcdn.calibration.verdict import verdict_of
+from rcdn.calibration.verdict import against_camera, verdict_of
 from rcdn.errors import present
 from rcdn.types import (
     BoardView,
@@ -101,7 +101,7 @@ def judged_rig(found: RigCalibration, correct_time: bool = False) -> RigCalibrat
     }
     reasons = [
         *_rig_reasons(found, correct_time),
-        *(r for name, c in cameras.items() for r in _of_camera(name, c)),
+        *(r for name, c in cameras.items() for r in against_camera(name, name, c.verdict)),
     ]
     return replace(found, cameras=cameras, verdict=verdict_of(reasons))
 
@@ -185,10 +185,3 @@ def _join(link: MissingLink) -> str:
     return (
         f"{link.first} and {link.second} would join them: show both the whole board at one moment (as in {pictures})."
     )
-
-
-def _of_camera(name: str, camera: Calibration) -> list[Reason]:
-    return [
-        replace(r, key=f"{name}.{r.key}", what=f"{name}: {r.what}", sentence=f"{name}: {r.sentence}")
-        for r in camera.verdict.against
-    ]

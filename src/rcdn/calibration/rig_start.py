@@ -11,7 +11,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
-from rcdn.calibration.relative_pose import hypotheses, matrix, most_agreed
+from rcdn.calibration.relative_pose import hypotheses, matrix
 from rcdn.geometry import rotation
 from rcdn.types import Array, Calibration
 from rcdn.types.arrays import Real
@@ -48,7 +48,8 @@ def edges_of(cameras: Sequence[Calibration], sights: Sights) -> list[Edge]:
             keys = [k for k in sights[a] if k in sights[b]]
             if not keys:
                 continue
-            T, votes = most_agreed(cameras[a], cameras[b], [(sights[a][k], sights[b][k]) for k in keys])
+            pairs = [(sights[a][k], sights[b][k]) for k in keys]
+            T, votes = hypotheses(cameras[a], cameras[b], pairs).most_agreed()
             least = 1 if cameras[a].orientation == "unique" else 2
             if votes >= max(least, len(keys) / 2):
                 edges.append(Edge(a, b, keys, T, votes))

@@ -15,8 +15,8 @@ import numpy as np
 from rcdn.calibration.bending import Bending
 from rcdn.calibration.bundle import Corners3, Prior, State, default_free
 from rcdn.calibration.solver import solve
-from rcdn.geometry import folds, zero_correction
-from rcdn.types import Array, Calibration, Camera
+from rcdn.geometry import zero_correction
+from rcdn.types import Array, Calibration
 
 COLUMNS = 12
 """control points along the longer side of the sensor"""
@@ -62,11 +62,6 @@ def _prior(before: Prior, bending: Bending, variance: float, spline: slice) -> P
     mean[rest], precision[np.ix_(rest, rest)] = before.mean, before.precision
     precision[spline, spline] = bending.energy / variance
     return Prior(mean, precision)
-
-
-def whole(camera: Camera) -> bool:
-    """Whether the corrected projection is one-to-one inside the frame."""
-    return not folds(camera)
 
 
 def variance_of(calibration: Calibration) -> float:

@@ -10,12 +10,12 @@ import numpy as np
 
 from rcdn.calibration import robust
 from rcdn.calibration.arguments import check_boards, given_size
-from rcdn.calibration.calibrate import calibrate, check_arguments, check_model, names_of, with_geometries
+from rcdn.calibration.calibrate import calibrate, check_model
 from rcdn.calibration.coded import Geometries, Spacing
 from rcdn.calibration.common_model import one_model
 from rcdn.calibration.epipolar import epipolar_gaps, matches
 from rcdn.calibration.joint_pairs import JointPairs
-from rcdn.calibration.known_lens import with_known_lens
+from rcdn.calibration.known_lens import with_lens
 from rcdn.calibration.labels import Size
 from rcdn.calibration.one_thread import one_thread
 from rcdn.calibration.relative_pose import FEWEST_PAIRS, determines_pose, hypotheses, place
@@ -24,7 +24,7 @@ from rcdn.calibration.rig_solution import RigSolution
 from rcdn.calibration.rig_start import Key
 from rcdn.calibration.rig_task import RigTask
 from rcdn.calibration.stereo_verdict import judged_stereo
-from rcdn.errors import CalibrationError, ConfigError, many, shown
+from rcdn.errors import CalibrationError, ConfigError, many, said_of, shown
 from rcdn.geometry.undistort import resized
 from rcdn.types import Array, Board, Calibration, Camera, StereoCalibration
 from rcdn.types.calibration import SIDES
@@ -176,15 +176,10 @@ def _alone(
 ) -> Calibration:
     """The calibration of the left (0) or the right (1) camera alone with a lens model or a known lens, from boards of a
     spacing or of known geometries; errors name the camera. If a `size` is given, other plain boards are refused."""
-    try:
+    with said_of(f"{SIDES[side]} camera", CalibrationError):
         if not isinstance(of, Geometries):
             return calibrate(boards, of, names=names, model=str(lens), size=size)
-        check_arguments(boards, names, lens if isinstance(lens, str) else "auto", size)
-        if isinstance(lens, Camera):
-            return with_known_lens(boards, of, names_of(boards, names), lens, strict=size is not None)
-        return with_geometries(boards, of, names_of(boards, names), lens, strict=size is not None)
-    except CalibrationError as error:
-        raise CalibrationError(f"{SIDES[side]} camera: {error}") from error
+        return with_lens(boards, of, names, lens, size is not None)
 
 
 def _text(size: Size | None) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 from rcdn.calibration.advice import judged, notes
 from rcdn.calibration.known_lens import judged_known
 from rcdn.calibration.limits import growth, reason
-from rcdn.calibration.verdict import judge, sentences, verdict_of
+from rcdn.calibration.verdict import against_camera, judge, sentences, verdict_of
 from rcdn.errors import many
 from rcdn.types import Calibration, Reason, StereoCalibration, Verdict
 from rcdn.types.calibration import SIDES
@@ -80,12 +80,4 @@ def _pair_reasons(stereo: StereoCalibration) -> list[Reason]:
 
 def _of_camera(name: str, camera: Calibration, given: bool) -> list[Reason]:
     verdict = camera.verdict if camera.verdict.judged else (judged_known(camera).verdict if given else judge(camera))
-    return [
-        replace(
-            r,
-            key=f"{name}.{r.key}",
-            what=f"{name.capitalize()}: {r.what}",
-            sentence=f"{name.capitalize()}: {r.sentence}",
-        )
-        for r in verdict.against
-    ]
+    return against_camera(name, name.capitalize(), verdict)

@@ -8,6 +8,7 @@ bad ones a cause (two cameras, a wrong size) comes before its symptoms (a large 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from rcdn.calibration import fit_checks, view_checks
 from rcdn.calibration.facts import Facts, measure
@@ -73,6 +74,14 @@ def headline(verdict: Verdict, several: bool = False) -> str:
 def sentences(verdict: Verdict) -> tuple[str, ...]:
     """The reasons against the calibration with their remedies, the worst first."""
     return tuple(f"{r.sentence} {r.action}".rstrip() for r in verdict.against)
+
+
+def against_camera(name: str, called: str, verdict: Verdict) -> list[Reason]:
+    """The reasons against the camera `name`, one of several, in sentences that begin with how it is `called`."""
+    return [
+        replace(r, key=f"{name}.{r.key}", what=f"{called}: {r.what}", sentence=f"{called}: {r.sentence}")
+        for r in verdict.against
+    ]
 
 
 def fails(verdict: Verdict, limit: Level) -> bool:

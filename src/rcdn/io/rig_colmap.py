@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from rcdn.errors import FormatError
+from rcdn.errors import FormatError, said_of
 from rcdn.geometry.rigid import motion
 from rcdn.io.cameras import colmap
 from rcdn.io.fields import numbers, take
@@ -28,10 +28,8 @@ def text(names: Sequence[str], cameras: Sequence[Camera], places: Sequence[Array
     first = np.linalg.inv(places[0])
     sensors = []
     for k, (name, camera, T) in enumerate(zip(names, cameras, places, strict=True)):
-        try:
+        with said_of(f"camera {name}", FormatError):
             model, params = colmap.model_and_params(camera)
-        except FormatError as error:
-            raise FormatError(f"camera {name}: {error}") from error
         sensor: dict[str, Any] = {"image_prefix": f"{name}/"}
         if k:
             T_cam_ref = T @ first

@@ -11,7 +11,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from rcdn.errors import FormatError, shown
+from rcdn.errors import FormatError, said_of, shown
 from rcdn.io import rig_colmap, rig_folder, rig_toml
 from rcdn.io.cameras import FORMATS, CameraFormat, camera_format, kalibr, lens_fit, noted, ours, parsed, read_stereo
 from rcdn.io.cameras.base import LensFit, UnheldLensError
@@ -168,10 +168,8 @@ def lens_fits(path: str | Path, rig: Rig, format: str | None = None) -> list[Len
 
 def _fit(path: str | Path, kind: RigFormat, name: str, camera: Camera) -> LensFit | None:
     """The representation of a camera with a correction in the format."""
-    try:
+    with said_of(f"camera {name}", FormatError):
         return lens_fit(path, camera, _LENSES[kind])
-    except FormatError as error:
-        raise FormatError(f"camera {name}: {error}") from error
 
 
 # ---- JSON
@@ -221,12 +219,11 @@ def _chain(names: tuple[str, ...], cameras: list[Camera], places: list[Array]) -
     entries = []
     for k, (name, camera) in enumerate(zip(names, cameras, strict=True)):
         T = places[k] @ np.linalg.inv(places[k - 1]) if k else None
-        try:
-            entries.append(kalibr.entry(camera, k, [n for n in range(len(names)) if n != k], T))
-        except UnheldLensError as error:
-            raise FormatError(f"camera {name}: {error.naming(_holders(error.model))}") from error
-        except FormatError as error:
-            raise FormatError(f"camera {name}: {error}") from error
+        with said_of(f"camera {name}", FormatError):
+            try:
+                entries.append(kalibr.entry(camera, k, [n for n in range(len(names)) if n != k], T))
+            except UnheldLensError as error:
+                raise FormatError(error.naming(_holders(error.model))) from error
     return entries
 
 

@@ -10,10 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from rcdn.errors import FormatError
+from rcdn.errors import FormatError, said_of
 from rcdn.geometry.rigid import motion
 from rcdn.io.cameras import opencv, ros
-from rcdn.io.cameras.base import Format
 from rcdn.io.cameras.yaml_text import Matrix, block_matrix, digits
 from rcdn.io.fields import number, numbers, rigid, take
 from rcdn.types import Array, Camera, Pose, Rig
@@ -42,7 +41,8 @@ def texts(kind: str, names: Sequence[str], cameras: Sequence[Camera], places: Se
     of = ros.FORMAT if kind == "ros" else opencv.FORMAT
     out = []
     for k, (name, camera, T) in enumerate(zip(names, cameras, places, strict=True)):
-        text = _text(of, name, camera)
+        with said_of(f"camera {name}", FormatError):
+            text = of.text(camera)
         if kind == "ros":
             text = text.replace("camera_name: camera\n", f"camera_name: {_quoted(name)}\n", 1)
         else:
@@ -50,13 +50,6 @@ def texts(kind: str, names: Sequence[str], cameras: Sequence[Camera], places: Se
             text += "".join(block_matrix(key, a, " !!opencv-matrix") for key, a in (("R", T[:3, :3]), ("T", T[:3, 3:])))
         out.append(text)
     return [*out, _transforms(names, places)] if kind == "ros" else out
-
-
-def _text(of: Format, name: str, camera: Camera) -> str:
-    try:
-        return of.text(camera)
-    except FormatError as error:
-        raise FormatError(f"camera {name}: {error}") from error
 
 
 def _quoted(text: str) -> str:

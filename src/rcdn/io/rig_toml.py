@@ -10,7 +10,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from rcdn.errors import FormatError
+from rcdn.errors import FormatError, said_of
 from rcdn.geometry.rigid import motion, rotation_vector
 from rcdn.io.cameras.base import opencv_camera, pinhole_numbers
 from rcdn.io.cameras.yaml_text import flow
@@ -25,10 +25,8 @@ def text(names: tuple[str, ...], cameras: list[Camera], places: list[Array], nes
     width = len(str(len(names) - 1))
     lines = "" if nested else "[metadata]\nadjusted = false\nerror = 0.0\n"
     for k, (name, camera, T) in enumerate(zip(names, cameras, places, strict=True)):
-        try:
+        with said_of(f"camera {name}", FormatError):
             d = _distortion(camera)
-        except FormatError as error:
-            raise FormatError(f"camera {name}: {error}") from error
         table = f"cameras.{ids[k]}" if nested else f"cam_{k:0{width}}"
         head = f"cam_id = {ids[k]}" if nested else f"name = {_quoted(name)}"
         lines += (

@@ -8,9 +8,10 @@ as the views alone determine a camera.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from rcdn.calibration.bundle import Corners3, Prior, State, default_free, residuals
 from rcdn.calibration.coded import Geometries, Spacing
@@ -54,7 +55,8 @@ def first_guess(
     arrow = Normal.of(best.state, best.corners, best.weight, default_free(best.state)).arrow()
     frames = np.arange(len(seen))
     by_noise = Clustered(arrow.covariance, 1.0)
-    cov = covariance(arrow, frames, 1.0, by_noise) if seen else _without_views(arrow.covariance)
+    # without boards, their mean motion has no uncertainty
+    cov = covariance(arrow, frames, 1.0, by_noise) if seen else block_diag(arrow.covariance, np.zeros((6, 6)))
     gaps = residuals(best.state, best.corners)
     views = tuple(
         board_view(
@@ -109,8 +111,7 @@ def _fit(
     prior = camera_prior(image_size, model, many)
     T = poses(camera, seen) if seen else np.zeros((0, 4, 4))
     T[~np.isfinite(T).all(axis=(1, 2))] = np.eye(4)
-    state = State.mono(camera, T)
-    state = State(state.cameras, state.poses, state.rig, state.shape, prior)
+    state = replace(State.mono(camera, T), prior=prior)
     frame = np.repeat(np.arange(len(seen)), [len(s.xy) for s in seen])
     empty = np.zeros((0, 2))
     corners = Corners3(
@@ -138,10 +139,3 @@ def camera_prior(image_size: tuple[int, int], model: CameraModel, many: int) -> 
     precision = np.diag(1 / np.square(deviations))
     precision[:2, :2] += np.array([[1, -1], [-1, 1]]) / (ASPECT * focal) ** 2
     return Prior(camera.parameters.copy(), precision)
-
-
-def _without_views(covariance: Array) -> Array:
-    """(P + 6, P + 6): without boards, their mean motion has no uncertainty."""
-    out = np.zeros((len(covariance) + 6, len(covariance) + 6))
-    out[:-6, :-6] = covariance
-    return out

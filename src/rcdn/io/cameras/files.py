@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from rcdn.errors import FormatError, RcdnError, shown
+from rcdn.errors import FormatError, RcdnError, said_of, shown
 from rcdn.io.cameras import ours
 from rcdn.io.cameras.base import Format, LensFit
 from rcdn.io.cameras.formats import FORMATS, CameraFormat, camera_format, load, no_pair, text_of
@@ -135,12 +135,10 @@ def _side(
     """The representation of one camera of a pair in the file, and its `lens_fit`. `side`: (name, camera). Raises
     FormatError, naming the side, if the format can't hold it."""
     name, camera = side
-    try:
+    with said_of(f"{name} camera", FormatError):
         fit = lens_fit(path, camera, format)
         held = camera if fit is None else fit.held
         text_of(kind, held, of_pair=True)
-    except FormatError as error:
-        raise FormatError(f"{name} camera: {error}") from error
     return held, fit
 
 
