@@ -120,7 +120,7 @@ def test_hardly_any_other_set_of_three_tells_more(mixed):
         return _with_one_more(list(some[:2]), information, rows)[some[2]]
 
     every = sorted(variance(list(some)) for some in combinations(range(20), 3))
-    found = _exchanged(_greedy([], 3, information, rows), information, rows)
+    found = _exchanged(_greedy(3, information, rows), information, rows)
     assert variance(found) <= every[len(every) // 100]
 
 

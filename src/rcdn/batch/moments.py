@@ -55,9 +55,9 @@ def moments_of(pictures: Sequence[Sequence[str]]) -> tuple[list[list[str]], str]
     By the file names, else by the last number in them, provided that most moments are then shared by several cameras;
     else by order, if all cameras have equally many pictures. Raises ConfigError if none of these rules applies.
     """
-    ways: list[tuple[str, Callable[[Sequence[str], int], list[str]]]] = [("name", stems), ("number", trailing_numbers)]
+    ways: list[tuple[str, Callable[[Sequence[str]], list[str]]]] = [("name", stems), ("number", trailing_numbers)]
     for way, keys_of in ways:
-        keys = [keys_of(names, 0) for names in pictures]
+        keys = [keys_of(names) for names in pictures]
         if all(k and all(k) and len(set(k)) == len(k) for k in keys) and _shared(keys):
             return keys, way
     if len({len(names) for names in pictures}) == 1:

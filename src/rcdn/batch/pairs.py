@@ -32,13 +32,16 @@ def pair_names(left: Sequence[str], right: Sequence[str]) -> Pairing:
     the last number in the names, else by order if both have equally many. Frames of two videos are paired by frame
     number. Raises ConfigError if none of these rules applies.
     """
-    for keys in (stems, *(_without(words) for words in SIDES), trailing_numbers):
-        one, two = keys(left, 0), keys(right, 1)
+    by_words = [("name", _without(one), _without(other)) for one, other in SIDES]
+    for way, of_left, of_right in (
+        ("name", stems, stems), *by_words, ("number", trailing_numbers, trailing_numbers)
+    ):  # fmt: skip
+        one, two = of_left(left), of_right(right)
         if _distinct(one) and _distinct(two):
             at = {key: k for k, key in enumerate(two)}
             pairs = [(k, at[key]) for k, key in enumerate(one) if key in at]
             if 2 * len(pairs) > min(len(left), len(right)):
-                return Pairing(pairs, "number" if keys is trailing_numbers else "name")
+                return Pairing(pairs, way)
     if len(left) == len(right):
         return Pairing([(k, k) for k in range(len(left))], "order")
     raise ConfigError(
@@ -96,25 +99,23 @@ def _stem(name: str) -> str:
     return f"#{frame}" if mark and path else PurePath(name).stem.lower()
 
 
-def stems(names: Sequence[str], side: int) -> list[str]:
+def stems(names: Sequence[str]) -> list[str]:
     """The names without folders and endings, in lower case; for a frame of a video, its number."""
     return [_stem(n) for n in names]
 
 
-def _without(words: tuple[str, str]) -> Callable[[Sequence[str], int], list[str]]:
-    """A function that gives the stems with the word of their side replaced by `*`; "" for a stem that doesn't contain
-    it as a separate word."""
+def _without(word: str) -> Callable[[Sequence[str]], list[str]]:
+    """A function that gives the stems with `word` replaced by `*`; "" for a stem that doesn't contain it as a separate
+    word."""
+    pattern = re.compile(rf"(?<![a-z]){word}(?![a-z])" if word.isalpha() else rf"(?<!\d){word}(?!\d)")
 
-    def keys(names: Sequence[str], side: int) -> list[str]:
-        pattern = re.compile(
-            rf"(?<![a-z]){words[side]}(?![a-z])" if words[side].isalpha() else rf"(?<!\d){words[side]}(?!\d)"
-        )
+    def keys(names: Sequence[str]) -> list[str]:
         return [pattern.sub("*", _stem(n), count=1) if pattern.search(_stem(n)) else "" for n in names]
 
     return keys
 
 
-def trailing_numbers(names: Sequence[str], side: int) -> list[str]:
+def trailing_numbers(names: Sequence[str]) -> list[str]:
     """The last number in each name; "" if there is none."""
     found = [re.findall(r"\d+", _stem(n)) for n in names]
     return [str(int(f[-1])) if f else "" for f in found]

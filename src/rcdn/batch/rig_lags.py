@@ -71,7 +71,7 @@ def _lags(cameras: Sequence[Calibration]) -> list[int]:
     from rcdn.calibration.rig_graph import sights_of
     from rcdn.calibration.rig_start import components_of, edges_of
 
-    when = [stems([view.name for view in each.views], 0) for each in cameras]
+    when = [stems([view.name for view in each.views]) for each in cameras]
     sights = sights_of(cameras, when)
     parts = components_of(len(cameras), edges_of(cameras, sights))
     found = lags_of(cameras, sights, times_of(m for each in when for m in each), parts)

@@ -77,7 +77,7 @@ def _calibrated(
 
     pictures = [[image.path for image in got.images] for got in found.values()]
     videos = all(got.one_video for got in found.values())
-    keys, way = ([stems(names, 0) for names in pictures], "name") if videos else moments_of(pictures)
+    keys, way = ([stems(names) for names in pictures], "name") if videos else moments_of(pictures)
     if way != "name":
         console.note(f"note: pictures belong together by {way}")
     moments = {

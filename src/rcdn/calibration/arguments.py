@@ -40,13 +40,13 @@ def check_board(board: Any, name: str = "board") -> None:
         raise ConfigError(f"{name} must be a Board, as Detector.boards gives them, not {type(board).__name__}")
 
 
-def check_camera(camera: Any, name: str = "camera") -> None:
+def check_camera(camera: Any) -> None:
     """Raise ConfigError unless `camera` is a Camera with valid parameters."""
     if not isinstance(camera, Camera):
-        hint = f"; give {name}=calibration.camera" if isinstance(camera, Calibration) else ""
-        raise ConfigError(f"{name} must be a Camera, not {type(camera).__name__}{hint}")
+        hint = "; give camera=calibration.camera" if isinstance(camera, Calibration) else ""
+        raise ConfigError(f"camera must be a Camera, not {type(camera).__name__}{hint}")
     if trouble := number_trouble(camera):
-        raise ConfigError(f"{name}.{trouble}")
+        raise ConfigError(f"camera.{trouble}")
 
 
 def texts(values: Any, name: str) -> list[str]:

@@ -76,7 +76,7 @@ def informative_subsets(calibration: Calibration, many: int, tries: int) -> tupl
     rng = np.random.default_rng(0)
     weights = [np.ones(len(names)), *(rng.gamma(GAMMA, 1 / GAMMA, len(names)) for _ in range(tries - 1))]
     each = (weight[:, None, None] * information for weight in weights)
-    subsets = (_exchanged(_greedy([], many, one, rows), one, rows) for one in each)
+    subsets = (_exchanged(_greedy(many, one, rows), one, rows) for one in each)
     return tuple(dict.fromkeys(tuple(names[k] for k in sorted(some)) for some in subsets))
 
 
@@ -91,9 +91,9 @@ def _by_picture(calibration: Calibration, views: Sequence[BoardView], names: lis
     return out
 
 
-def _greedy(chosen: list[int], many: int, information: Array, rows: Array) -> list[int]:
-    """`chosen` and the indices that reduce the mean variance most, added one after the other, up to `many`."""
-    chosen = list(chosen)
+def _greedy(many: int, information: Array, rows: Array) -> list[int]:
+    """The `many` indices that reduce the mean variance most, added one after the other."""
+    chosen: list[int] = []
     while len(chosen) < many:
         variance = _with_one_more(chosen, information, rows)
         chosen.append(int(np.argmin(variance)))

@@ -26,10 +26,10 @@ FIRST = 0.5
 """px: initial size of the correction"""
 
 
-def with_correction(state: State, columns: int = COLUMNS) -> State:
+def with_correction(state: State) -> State:
     """`state` with a correction, initially zero, of its camera."""
     camera = state.cameras[0]
-    corrected = replace(camera, correction=zero_correction(camera, columns))
+    corrected = replace(camera, correction=zero_correction(camera, COLUMNS))
     return replace(state, cameras=(corrected,), prior=None)
 
 

@@ -14,7 +14,7 @@ from rcdn.batch.paths import check_file
 from rcdn.errors import ConfigError, FormatError
 from rcdn.terminal import console
 from rcdn.terminal.console import Quiet
-from rcdn.terminal.options import GridSize, camera_formats, one_of, parse_size
+from rcdn.terminal.options import GridSize, camera_formats, one_of, parse_size, two_numbers
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -33,10 +33,10 @@ def _format(text: str) -> str:
 
 
 def _picture_size(text: str) -> GridSize:
-    match = re.fullmatch(r"\s*(\d{1,5})\s*[xX×]\s*(\d{1,5})\s*", text)
-    if match is None or min(int(match[1]), int(match[2])) < 1:
+    size = two_numbers(text, 5)
+    if size is None or min(size) < 1:
         raise typer.BadParameter(f"{text!r} is not a size; give width x height in pixels, such as 1920x1080")
-    return GridSize(int(match[1]), int(match[2]))
+    return size
 
 
 def convert(
@@ -158,22 +158,20 @@ def _convert_detections(
     path = inputs[0]
     format = format_of(out, to, "name one with --to") if out == console.STDOUT else format_of(out, to)
     errors: list[tuple[str, str]] = []
-    size = None if board is None else (board.cols, board.rows)
     if _is_json(path):
         _refuse({"--image-size": image_size is not None}, f"{path} tells the size of its pictures")
         if format is not FORMATS["vnl"]:
             _refuse({"--board": board is not None}, "neither file is a .vnl, whose boards are of one size")
         images, errors = read_detections(path)
     else:
-        pixels = None if image_size is None else (image_size.cols, image_size.rows)
-        images = read_vnl_boards(path, size, pixels)
+        images = read_vnl_boards(path, board, image_size)
     for image in images if format.squares_only else ():
         for known in image.boards:
             if known.pattern != "checker":
                 raise FormatError(
                     f"{path}: {image.path} has a board of the kind {known.pattern}; {format.squares_only}: write json"
                 )
-    found = Contents(images, map(image_line, images), errors, size)
+    found = Contents(images, map(image_line, images), errors, board)
     for line in format.left_out(found, format.write(out, found)):
         console.note(f"{out}: {line}")
 

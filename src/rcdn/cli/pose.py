@@ -95,11 +95,10 @@ def pose(
         raise ConfigError("name the camera (--camera FILE) or the rig (--rig FILE), one of them")
     check_file("--json", json, [Path(i) for i in inputs])
     config = DetectorConfig.preset("auto", pattern=pattern.value, target=target.reads)
-    size = None if board is None else (board.cols, board.rows)
     if rig is not None and camera_name is not None:
         raise ConfigError("--camera-name is for --camera; leave it out with --rig")
     lens = None if camera is None else chosen_camera(camera, camera_name, "--camera")
-    settings = DetectionSettings(config, open_cache(config, cache, off=no_cache), jobs, size)
+    settings = DetectionSettings(config, open_cache(config, cache, off=no_cache), jobs, board)
     if lens is None:
         from rcdn.batch.rig_poses import rig_poses
 
@@ -109,7 +108,7 @@ def pose(
     for note in got.notes:
         console.note(note)
     note_target(config.target, got)
-    check_spacing(length, sizes_of([found for image in got.images for found in image.boards], size))
+    check_spacing(length, sizes_of([found for image in got.images for found in image.boards], board))
 
     def solved(path: str, number: int, found: Board) -> tuple[str, dict[str, Any]]:
         done = estimate_pose(found, lens, side(length, kind_of(found)))
@@ -119,9 +118,9 @@ def pose(
         (image.path, partial(solved, image.path, k, found))
         for image in got.images
         for k, found in enumerate(image.boards)
-        if size is None or (found.complete and sorted(found.size) == sorted(size))
+        if board is None or (found.complete and sorted(found.size) == sorted(board))
     )
-    tell_poses(wanted, "poses", length, json, [got], size)
+    tell_poses(wanted, "poses", length, json, [got], board)
 
 
 def _record(path: str, number: int, board: Any, pose: Any) -> dict[str, Any]:

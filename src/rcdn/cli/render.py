@@ -2,28 +2,20 @@
 
 from __future__ import annotations
 
-import re
 import sys
 from collections.abc import Iterator
 from enum import StrEnum
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from rcdn.errors import ConfigError, RcdnError, many
-from rcdn.terminal.options import parse_folder
+from rcdn.terminal.options import GridSize, parse_folder, two_numbers
 
 if TYPE_CHECKING:
     from rcdn.synthetic import BoardTruth, Scene
-
-
-class FrameSize(NamedTuple):
-    """(width, height), px. A class, since Typer would parse two arguments for a tuple."""
-
-    width: int
-    height: int
 
 
 class Difficulty(StrEnum):
@@ -33,12 +25,11 @@ class Difficulty(StrEnum):
     hard = "hard"
 
 
-def parse_frame(text: str) -> FrameSize:
+def parse_frame(text: str) -> GridSize:
     """`640x480` (also `640X480`, `640×480`) as width and height, px, each in 64..10000. Raises typer.BadParameter."""
-    match = re.fullmatch(r"\s*(\d{1,5})\s*[xX×]\s*(\d{1,5})\s*", text)
-    if match is None:
+    size = two_numbers(text, 5)
+    if size is None:
         raise typer.BadParameter(f"{text!r} is not a size; give width x height in pixels, such as 640x480")
-    size = FrameSize(int(match[1]), int(match[2]))
     if min(size) < 64 or max(size) > 10_000:
         raise typer.BadParameter(f"{text!r}: width and height must lie between 64 and 10000 px")
     return size
@@ -55,7 +46,7 @@ def render(
         Difficulty, typer.Option(help="ordinary: calibration pictures as people take them. hard: much worse.")
     ] = Difficulty.ordinary,
     size: Annotated[
-        FrameSize, typer.Option(parser=parse_frame, metavar="WIDTHxHEIGHT", help="Size of the pictures, px.")
+        GridSize, typer.Option(parser=parse_frame, metavar="WIDTHxHEIGHT", help="Size of the pictures, px.")
     ] = "640x480",  # type: ignore[assignment]  # Typer parses defaults, too
     one_camera: Annotated[
         bool,
@@ -100,7 +91,7 @@ def render(
     typer.echo(f"wrote {many(len(images), 'picture')} with {many(corners, 'corner')} to {output}, and truth.json")
 
 
-def _random(count: int, seed: int, ranges: Difficulty | None, size: FrameSize) -> Iterator[Scene]:
+def _random(count: int, seed: int, ranges: Difficulty | None, size: GridSize) -> Iterator[Scene]:
     """`count` random scenes; scene k depends on `seed` and k only. Without `ranges` all have the same board and
     camera."""
     import numpy as np

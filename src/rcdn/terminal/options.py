@@ -28,21 +28,27 @@ Pattern = Annotated[
 
 
 class GridSize(NamedTuple):
-    """(columns, rows) of inner corners. A class, because Typer would parse a plain tuple from two arguments."""
+    """(columns, rows) of inner corners, or (width, height) of a picture, px. A class, because Typer would parse a plain
+    tuple from two arguments."""
 
     cols: int
     rows: int
 
 
+def two_numbers(text: str, digits: int) -> GridSize | None:
+    """`9x6` (also `9X6`, `9×6`), numbers of at most so many `digits`; None for anything else."""
+    match = re.fullmatch(rf"\s*(\d{{1,{digits}}})\s*[xX×]\s*(\d{{1,{digits}}})\s*", text)
+    return GridSize(int(match[1]), int(match[2])) if match else None
+
+
 def parse_size(text: str, least: int = 3) -> GridSize:
     """`9x6` (also `9X6`, `9×6`) as columns and rows, both at least `least`. Raises typer.BadParameter."""
-    match = re.fullmatch(r"\s*(\d{1,4})\s*[xX×]\s*(\d{1,4})\s*", text)
-    if match is None:
+    size = two_numbers(text, 4)
+    if size is None:
         raise typer.BadParameter(f"{text!r} is not a size; give columns x rows of inner corners, such as 9x6")
-    cols, rows = int(match[1]), int(match[2])
-    if min(cols, rows) < least:
+    if min(size) < least:
         raise typer.BadParameter(f"{text!r} is too small; a board has at least {least}x{least} inner corners")
-    return GridSize(cols, rows)
+    return size
 
 
 def parse_folder(text: str) -> Path:

@@ -94,9 +94,9 @@ def rings(xy: Array, radius: float, decimals: int = 1) -> str:
     return "".join(f"M{coordinate(x - radius, decimals)} {coordinate(y, decimals)}{arc}" for x, y in xy)
 
 
-def segments(start: Array, end: Array, decimals: int = 1) -> str:
+def segments(start: Array, end: Array) -> str:
     """A path with a straight line for each row, from `start` (N, 2) to `end` (N, 2)."""
-    f = lambda v: coordinate(v, decimals)  # noqa: E731
+    f = coordinate
     return "".join(f"M{f(a)} {f(b)}L{f(c)} {f(d)}" for (a, b), (c, d) in zip(start, end, strict=True))
 
 
