@@ -55,7 +55,7 @@ class Guide:
         maps = None if one.map is None else (one.map, one.map, np.where(one.map < 0.06, np.nan, one.map))
         wanted = SimpleNamespace(views=(box, None))
         return PairProgress(
-            one.views, None, wanted, one.worst, (one.worst,) * 3, maps, one.target, one.done, False, one.sentence
+            one.views, None, wanted, one.worst, (one.worst,) * 3, maps, one.target, one.done, one.sentence
         )
 
 

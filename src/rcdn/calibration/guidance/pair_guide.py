@@ -210,9 +210,7 @@ class _Side(Guide):
         own = Known(known.sides[side], None, known.names, known.size, known.plane)
         view = None if wanted is None else wanted.views[side]
         joint = plan.progress
-        progress = Progress(
-            joint.views, None, view, joint.worst, None, joint.target, joint.done, joint.stuck, joint.sentence
-        )
+        progress = Progress(joint.views, None, view, joint.worst, None, joint.target, joint.done, joint.sentence)
         self._plan = Plan(progress, own, SideForecast(forecast, side, both))
 
     def _planned(self, known: Known) -> Plan:

@@ -26,7 +26,7 @@ class PairProgress:
     None until they determine it. `wanted`: the pose of the board for the next ones, None before both cameras have seen
     the board at once. `parts` (3,) px: the worst uncertainty of each of PARTS over the frame, and `worst`, the largest
     of them (infinite before there is a calibration); `maps`: for each part (rows, columns) over a grid that includes
-    the border, NaN where the other camera doesn't see; `target` px. `done`, `stuck`, `sentence` as in `Progress`."""
+    the border, NaN where the other camera doesn't see; `target` px. `done`, `sentence` as in `Progress`."""
 
     views: tuple[str, ...]
     stereo: StereoCalibration | None
@@ -36,7 +36,6 @@ class PairProgress:
     maps: tuple[Array, ...] | None
     target: float
     done: bool
-    stuck: bool
     sentence: str
 
 
@@ -77,7 +76,7 @@ def _working_distance(known: PairKnown) -> float:
 def _nothing(wishes: Wishes, known: PairKnown) -> PairProgress:
     """Before both cameras have seen the board at once."""
     target, unknown = wishes[0].target, float("inf")
-    return PairProgress(known.names, None, None, unknown, (unknown,) * 3, None, target, False, False, BOTH)
+    return PairProgress(known.names, None, None, unknown, (unknown,) * 3, None, target, False, BOTH)
 
 
 def _progress(wishes: Wishes, known: PairKnown, wanted: NextPair | None, forecast: PairForecast) -> PairProgress:
@@ -86,9 +85,7 @@ def _progress(wishes: Wishes, known: PairKnown, wanted: NextPair | None, forecas
     if stereo is None:
         why = known.trouble if len(known.names) >= JUDGED_FROM else ""
         unknown = (float("inf"),) * 3
-        return PairProgress(
-            known.names, None, wanted, unknown[0], unknown, None, target, False, bool(why), why or sentence
-        )
+        return PairProgress(known.names, None, wanted, unknown[0], unknown, None, target, False, why or sentence)
     values = forecast.projections.deviations(forecast.pair.cov)
     maps = tuple(_map(forecast.projections, values, part, wishes) for part in range(len(PARTS)))
     parts = tuple(float(np.nanmax(m)) if np.isfinite(m).any() else float("inf") for m in maps)
@@ -97,7 +94,7 @@ def _progress(wishes: Wishes, known: PairKnown, wanted: NextPair | None, forecas
     why = "" if done else hopeless(stereo.verdict, pairs, worst, target)
     if done:
         sentence = f"Enough: both cameras and where they stand are known to {worst:.2g} px."
-    return PairProgress(known.names, stereo, wanted, worst, parts, maps, target, done, bool(why), why or sentence)
+    return PairProgress(known.names, stereo, wanted, worst, parts, maps, target, done, why or sentence)
 
 
 def _pairs(stereo: StereoCalibration) -> int:

@@ -45,8 +45,8 @@ class Progress:
     they determine a camera. `wanted`: the pose of the board for the next picture, None before a board was seen and if
     no candidate is visible. `worst` px: the worst projection uncertainty over the frame (infinite before there is a
     camera), and `map` (rows, columns) of it over a grid that includes the border, None before; `target` px to reach.
-    `done`: it is reached. `stuck`: more pictures of this kind will not reach it. `sentence`: what to do, or why the
-    calibration is sufficient."""
+    `done`: it is reached. `sentence`: what to do, or why the calibration is sufficient, or why more pictures of this
+    kind will not make it so."""
 
     views: tuple[str, ...]
     calibration: Calibration | None
@@ -55,7 +55,6 @@ class Progress:
     map: Array | None
     target: float
     done: bool
-    stuck: bool
     sentence: str
 
 
@@ -152,7 +151,7 @@ def _progress(wish: Wish, known: Known, wanted: NextView | None) -> Progress:
     found, names = known.found, known.names
     if found is None:
         sentence = _where(wish, known, wanted) or "Hold the board in front of the camera."
-        return Progress(names, None, wanted, float("inf"), None, wish.target, False, False, sentence)
+        return Progress(names, None, wanted, float("inf"), None, wish.target, False, sentence)
     values = projection_uncertainty(found, frame_grid(wish.image_size)).reshape(GRID[1], GRID[0])
     worst = float(np.nanmax(values)) if np.isfinite(values).any() else float("inf")
     done = worst <= wish.target and len(found.used_views) >= FEWEST
@@ -163,7 +162,7 @@ def _progress(wish: Wish, known: Known, wanted: NextView | None) -> Progress:
         sentence = why
     else:
         sentence = _where(wish, known, wanted)
-    return Progress(names, found, wanted, worst, values, wish.target, done, bool(why), sentence)
+    return Progress(names, found, wanted, worst, values, wish.target, done, sentence)
 
 
 def _where(wish: Wish, known: Known, wanted: NextView | None) -> str:
