@@ -9,9 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rcdn.batch import inputs
-from rcdn.batch.calibration_runs import BoardReader
 from rcdn.batch import pool
+from rcdn.batch.calibration_runs import BoardReader
 from rcdn.calibration.verdict import headline
 from rcdn.io import (
     ImageResult,
