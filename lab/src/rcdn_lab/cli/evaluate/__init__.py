@@ -16,6 +16,7 @@ from rcdn_lab.cli.evaluate import (
     detection,
     figures,
     guided,
+    patterns,
     real_rigs,
     rig_shifts,
     rigs,
@@ -46,6 +47,7 @@ app.command("real-rigs")(real_rigs.real_rigs)
 app.command("rig-shifts")(rig_shifts.rig_shifts)
 app.command("rigs")(rigs.rigs)
 app.command("selected")(selected.selected)
+app.command("patterns")(patterns.patterns)
 app.command("sieve")(sieve.sieve)
 app.command("worst-case")(worst_case.worst_case)
 app.command("calibration")(calibration.calibration)
