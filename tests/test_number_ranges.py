@@ -17,13 +17,22 @@ from typer.testing import CliRunner
 import rcdn
 from json_edit import edit
 from rcdn import Board, Camera, Corners, Detector, DetectorConfig, RcdnError, calibrate, estimate_pose
+from rcdn.calibration import (
+    calibrate_rig,
+    calibrate_stereo,
+    coverage,
+    estimate_rig_pose,
+    from_behind,
+    projection_uncertainty,
+)
 from rcdn.cli import app
 from rcdn.config import Adaptive, Cluster, Fixed, MaxFraction, Nms, Refine, Std
 from rcdn.corners.response import load_model
-from rcdn.errors import ConfigError, FormatError, ImageError, present, shown
+from rcdn.errors import CalibrationError, ConfigError, FormatError, ImageError, present, shown
 from rcdn.io import ImageResult, as_grey, read_calibration, read_camera, read_detections, write_detections, write_maps
 from rcdn.io.cameras import yaml_text
 from rcdn.opencv import find_chessboard_corners
+from rcdn.types import Pose, Rig, RigCalibration
 
 sys.path.append(str(Path(__file__).parent))
 from test_calibration_files import calibration
@@ -33,6 +42,7 @@ IJ = np.array([(i, j) for j in range(3) for i in range(4)])
 XY = IJ * 40.0 + [100, 80] + IJ[:, :1] * IJ[:, 1:]
 BOARD = Board(XY, IJ, (640, 480), np.ones(12), np.zeros(12), "unique")
 CAMERA = Camera([[600, 0, 320], [0, 600, 240], [0, 0, 1]], np.zeros(5), (640, 480))
+RIG = Rig(("a",), (CAMERA,), (Pose(np.eye(4)),))
 GREY = cv2.resize(np.indices((7, 8)).sum(axis=0).astype(np.uint8) % 2 * 200 + 20, None, fx=20, fy=20, interpolation=0)
 
 
@@ -219,11 +229,81 @@ def test_spacing_out_of_range(spacing):
         (lambda: find_chessboard_corners(GREY, (9, 6.5)), "patternSize counts"),
         (lambda: find_chessboard_corners(GREY, None), "patternSize counts"),
         (lambda: Detector("paper"), "config must be a DetectorConfig"),
+        (lambda: calibrate([BOARD] * 3, 0.02, flat="no"), "flat must be True or False, not 'no'"),
+        (lambda: calibrate([BOARD] * 3, 0.02, flat=None), "flat must be True or False"),
+        (lambda: stereo(pairs=[1, 2]), r"pairs must be a list of \(index in left, index in right\)"),
+        (lambda: stereo(pairs="ab"), "pairs must be a list"),
+        (lambda: stereo(pairs=3), "pairs must be a list"),
+        (lambda: stereo(pairs=[(0.0, 0.0)]), "pairs must be a list"),
+        (lambda: stereo(pairs=[(0, 3)]), "pairs must hold .* from 0 to 2 and 2"),
+        (lambda: stereo(names=3), "names must be"),
+        (
+            lambda: calibrate_rig([[BOARD]] * 2, 0.02),
+            "views must be a dict of lists of boards by the camera's name, not list",
+        ),
+        (
+            lambda: calibrate_rig({0: [BOARD], 1: [BOARD]}, 0.02),
+            "views: the names of cameras must be text, such as '0'",
+        ),
+        (lambda: rig(correct_time="no"), "correct_time must be True or False"),
+        (lambda: rig(fixed_boards=1), "fixed_boards must be True or False"),
+        (lambda: rig(moments=["a"]), "moments must be a dict"),
+        (lambda: rig(moments={"a": 3, "b": 3}), r"moments\['a'\] must have one entry"),
+        (lambda: rig(names=["a"]), "names must be a dict"),
+        (lambda: rig(model=3), "model must be a dict"),
+        (lambda: rig(cameras=[CAMERA]), "cameras must be a dict"),
+        (lambda: rig(cameras={"a": "left.yaml"}), r"cameras\['a'\] must be a Camera"),
+        (
+            lambda: estimate_rig_pose({"a": BOARD}, rig_calibration()),
+            "rig must be a Rig, not RigCalibration; give rig=.*rig",
+        ),
+        (lambda: estimate_rig_pose([BOARD], RIG), "boards must be a dict"),
+        (lambda: estimate_rig_pose({"a": 3}, RIG), r"boards\['a'\] must be a Board"),
+        (lambda: projection_uncertainty(CAMERA, [[1, 2]]), "calibration must be a Calibration, .* not Camera"),
+        (lambda: projection_uncertainty(calibration(), "a"), "pixels must hold numbers"),
+        (lambda: projection_uncertainty(calibration(), [[1, 2]], "a"), "distance must be positive"),
+        (lambda: projection_uncertainty(calibration(), [[1, 2]], [1.0, 2.0]), "distance must be positive"),
+        (lambda: coverage(CAMERA), "calibration must be a Calibration"),
+        (lambda: coverage(calibration(), 3), "cells must be"),
+        (lambda: coverage(calibration(), (0, 3)), "cells must be"),
+        (lambda: from_behind(BOARD), "boards must be a list"),
+        (lambda: from_behind([None]), r"boards\[0\] must be a Board"),
+        (lambda: BOARD.grid_of(None), "size must be"),
+        (lambda: BOARD.grid_of((9,)), "size must be"),
     ],
 )
 def test_arguments_of_another_kind(call, words):
     with pytest.raises(ConfigError, match=words):
         call()
+
+
+def stereo(**options):
+    return calibrate_stereo([BOARD] * 3, [BOARD] * 3, 0.02, **options)
+
+
+def rig(**options):
+    return calibrate_rig({"a": [BOARD], "b": [BOARD]}, 0.02, **options)
+
+
+def rig_calibration():
+    return RigCalibration(RIG, {}, {}, 0.1, (), ())
+
+
+def test_numbers_of_numpy_are_taken_as_python_s():
+    pairs = np.array([[0, 1], [1, 0], [2, 2]], np.uint8)
+    with pytest.raises(ConfigError, match="the same boards, corner by corner"):  # after the pairs were read
+        stereo(pairs=pairs)
+    assert coverage(calibration(), np.array([4, 3])).shape == (3, 4)
+    assert BOARD.grid_of(np.array([4, 3])).shape == (3, 4, 2)
+    with pytest.raises(CalibrationError):  # too few views
+        calibrate([BOARD], 0.02, flat=np.True_)
+
+
+@pytest.mark.parametrize("path", [None, 3, b"a.yaml"])
+def test_a_camera_is_saved_under_a_name(path):
+    for format in (None, "json"):
+        with pytest.raises(FormatError, match="path must be the name of a file"):
+            CAMERA.save(path, format)
 
 
 # ---- settings

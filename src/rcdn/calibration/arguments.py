@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
+
+import numpy as np
 
 from rcdn.errors import ConfigError, shown
 from rcdn.geometry.usable_lens import number_trouble
-from rcdn.types import Board, Calibration, Camera
+from rcdn.types import Board, Calibration, Camera, Rig, RigCalibration, StereoCalibration
 from rcdn.types.ranges import SPACING, grid_size, in_words, is_spacing
 
 
@@ -47,6 +49,37 @@ def check_camera(camera: Any) -> None:
         raise ConfigError(f"camera must be a Camera, not {type(camera).__name__}{hint}")
     if trouble := number_trouble(camera):
         raise ConfigError(f"camera.{trouble}")
+
+
+def check_calibration(calibration: Any, name: str = "calibration") -> None:
+    """Raise ConfigError unless `calibration` is that of one camera."""
+    if not isinstance(calibration, Calibration):
+        hint = "; give its left or its right" if isinstance(calibration, StereoCalibration) else ""
+        hint = "; give one of its cameras" if isinstance(calibration, RigCalibration) else hint
+        raise ConfigError(
+            f"{name} must be a Calibration, as rcdn.calibrate gives it, not {type(calibration).__name__}{hint}"
+        )
+
+
+def check_rig(rig: Any, name: str = "rig") -> None:
+    """Raise ConfigError unless `rig` is a Rig."""
+    if not isinstance(rig, Rig):
+        hint = f"; give {name}=calibration.rig" if isinstance(rig, RigCalibration) else ""
+        raise ConfigError(f"{name} must be a Rig, not {type(rig).__name__}{hint}")
+
+
+def check_by_camera(values: Any, name: str, what: str) -> None:
+    """Raise ConfigError unless `values` is a mapping from names of cameras to `what`."""
+    if not isinstance(values, Mapping):
+        raise ConfigError(f"{name} must be a dict of {what} by the camera's name, not {type(values).__name__}")
+    if odd := [key for key in values if not isinstance(key, str)]:
+        raise ConfigError(f"{name}: the names of cameras must be text, such as {str(odd[0])!r}, not {shown(odd[0])}")
+
+
+def check_truth(value: Any, name: str) -> None:
+    """Raise ConfigError unless `value` is True or False."""
+    if not isinstance(value, (bool, np.bool_)):
+        raise ConfigError(f"{name} must be True or False, not {shown(value)}")
 
 
 def texts(values: Any, name: str) -> list[str]:

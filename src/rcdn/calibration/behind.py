@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from rcdn.calibration.arguments import check_boards
 from rcdn.types import Board
 
 
@@ -15,8 +16,9 @@ def from_behind(boards: Sequence[Board]) -> list[Board]:
 
     Only boards whose codes were read there: in the image itself their labels then have the opposite orientation, as a
     front seen through the plate has. `T_cam_board` of such a board has z towards the camera. The plate is assumed to be
-    thin.
+    thin. Plain boards are left out. Raises ConfigError for anything but a list of boards.
     """
+    check_boards(boards)
     return [_turned_back(board) for board in boards if board.target is not None]
 
 

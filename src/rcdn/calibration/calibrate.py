@@ -10,7 +10,7 @@ import numpy as np
 
 from rcdn.calibration import choose, robust, smooth_lens
 from rcdn.calibration.advice import judged
-from rcdn.calibration.arguments import check_boards, given_size, texts
+from rcdn.calibration.arguments import check_boards, check_truth, given_size, texts
 from rcdn.calibration.bundle import State, default_free, with_fixed
 from rcdn.calibration.coded import Geometries, Geometry, Spacing
 from rcdn.calibration.labels import Labelled, Size
@@ -91,6 +91,7 @@ def calibrate(
     boards do not determine a camera, ConfigError for a wrong argument.
     """
     check_arguments(boards, names, model, size)
+    check_truth(flat, "flat")
     size, fixed = given_size(size), check_fix(fix)
     names = names_of(boards, names)
     leave_out = texts(leave_out, "leave_out")

@@ -3,7 +3,7 @@ covariance of all camera poses."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence, Sized
 from dataclasses import replace
 from functools import cache, partial
 from itertools import combinations
@@ -11,7 +11,7 @@ from itertools import combinations
 import numpy as np
 
 from rcdn.calibration import robust
-from rcdn.calibration.arguments import check_boards, given_size
+from rcdn.calibration.arguments import check_boards, check_by_camera, check_camera, check_truth, given_size
 from rcdn.calibration.board_paths import times_of
 from rcdn.calibration.coded import Geometries, Spacing
 from rcdn.calibration.common_model import one_model
@@ -67,14 +67,22 @@ def calibrate_rig(
     moments. Boards with codes may be seen from behind (`from_behind`). Raises CalibrationError if a camera cannot be
     calibrated, or no two are connected; ConfigError for a wrong argument.
     """
+    check_by_camera(views, "views", "lists of boards")
+    check_truth(correct_time, "correct_time")
+    check_truth(fixed_boards, "fixed_boards")
     order = list(views)
     if len(order) < 2:
         raise ConfigError(f"views must hold two cameras or more, not {len(order)}")
     given, size = _given(order, cameras), given_size(size)
+    if names is not None:
+        check_by_camera(names, "names", "lists of the boards' pictures")
+    if not isinstance(model, str):
+        check_by_camera(model, "model", "lens models")
     if not isinstance(model, str) and (missing := [n for n in order if n not in model and n not in given]):
         raise ConfigError(f"model must name a lens model for each camera; it has none for {', '.join(missing)}")
+    boards = [b for name in order for b in _checked(name, views[name])]
     when = _moments(views, moments)
-    geometries = Geometries.of([b for name in order for b in _checked(name, views[name])], spacing, size)
+    geometries = Geometries.of(boards, spacing, size)
 
     @cache
     def as_model(camera: int, lens: str) -> Calibration:
@@ -111,7 +119,11 @@ def _checked(name: str, boards: Sequence[Board]) -> Sequence[Board]:
 
 
 def _given(order: Sequence[str], cameras: Mapping[str, Camera] | None) -> dict[str, Camera]:
-    """The cameras whose lens is known. Raises ConfigError for a name without views."""
+    """The cameras whose lens is known. Raises ConfigError for a name without views, and for what is no camera."""
+    if cameras is not None:
+        check_by_camera(cameras, "cameras", "cameras whose lens is known")
+    for name, camera in (cameras or {}).items():
+        check_camera(camera, f"cameras[{name!r}]")
     if unknown := [name for name in cameras or {} if name not in order]:
         raise ConfigError(
             f"cameras holds {', '.join(unknown)}, which views don't have; they are of {', '.join(order)}: "
@@ -124,8 +136,9 @@ def _moments(views: Mapping[str, Sequence[Board]], moments: Mapping[str, Sequenc
     """For each camera, the moment of each of its boards."""
     if moments is None:
         return [[str(k) for k in range(len(boards))] for boards in views.values()]
+    check_by_camera(moments, "moments", "lists of the boards' moments")
     for name, boards in views.items():
-        if name not in moments or len(moments[name]) != len(boards):
+        if name not in moments or not isinstance(moments[name], Sized) or len(moments[name]) != len(boards):
             raise ConfigError(f"moments[{name!r}] must have one entry a board: {len(boards)}")
     return [[str(m) for m in moments[name]] for name in views]
 

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from rcdn.calibration import robust
-from rcdn.calibration.arguments import check_board, check_spacing
+from rcdn.calibration.arguments import check_board, check_by_camera, check_rig, check_spacing
 from rcdn.calibration.bundle import Corners3, State, default_free, residuals
 from rcdn.calibration.coded import frame_of, identity
 from rcdn.calibration.pose import estimate_pose, pose_corners
@@ -41,10 +41,12 @@ def estimate_rig_pose(
     exact. Raises CalibrationError if no camera has a pose, ConfigError for a camera that is not in the rig.
     """
     check_spacing(spacing)
+    check_rig(rig)
+    check_by_camera(boards, "boards", "the board that each camera saw,")
     if not boards:
         raise ConfigError("boards must hold the board of one camera at least")
     for name, board in boards.items():
-        check_board(board)
+        check_board(board, f"boards[{name!r}]")
         if board.image_size != tuple(rig.cameras[rig.index(name)].image_size):
             raise ConfigError(
                 f"boards[{name!r}]: the picture has {board.image_size} px, the camera "

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from operator import index
 
 import cv2
 import numpy as np
@@ -90,6 +91,7 @@ def stereo_solution(
     cameras: KnownLenses = (None, None),
 ) -> StereoSolution:
     """`calibrate_stereo` with the covariance of both lenses and the relative pose together."""
+    _check_names(names)
     pairs, size = _pairs(left, right, pairs), given_size(size)
     if pairs and all(np.array_equal(left[a].xy, right[b].xy) for a, b in pairs):
         raise ConfigError("left and right are the same boards, corner by corner; give the other camera's pictures")
@@ -126,6 +128,12 @@ def _check_lenses(cameras: KnownLenses, model: str) -> None:
     two = isinstance(cameras, (tuple, list)) and len(cameras) == 2
     if not two or not all(c is None or isinstance(c, Camera) for c in cameras):
         raise ConfigError(f"cameras must be (left, right), each a Camera or None, not {shown(cameras)}")
+
+
+def _check_names(names: Names | None) -> None:
+    """Raise ConfigError unless `names` are two, or None."""
+    if names is not None and not (isinstance(names, (tuple, list)) and len(names) == 2):
+        raise ConfigError(f"names must be (of the left pictures, of the right ones), not {shown(names)}")
 
 
 def _each(
@@ -195,11 +203,19 @@ def _pairs(
                 f"left has {many(len(left), 'board')}, right {len(right)}: give pairs, or boards in pairs"
             )
         return [(k, k) for k in range(len(left))]
+    try:
+        pairs = [(index(a), index(b)) for a, b in pairs]
+    except (TypeError, ValueError) as error:
+        raise ConfigError(
+            f"pairs must be a list of (index in left, index in right), whole numbers, not {shown(pairs)}"
+        ) from error
     if any(not (0 <= a < len(left) and 0 <= b < len(right)) for a, b in pairs):
-        raise ConfigError("pairs must hold (index in left, index in right)")
+        raise ConfigError(
+            f"pairs must hold (index in left, index in right), from 0 to {len(left) - 1} and {len(right) - 1}"
+        )
     if any(len({p[side] for p in pairs}) < len(pairs) for side in (0, 1)):
         raise ConfigError("pairs must not hold an index of left or right twice")
-    return list(pairs)
+    return pairs
 
 
 def _placed(

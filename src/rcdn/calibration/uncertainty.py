@@ -8,13 +8,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rcdn.calibration.arguments import check_calibration
 from rcdn.calibration.bundle import Corners3, State, by_motion
 from rcdn.calibration.solver import Arrow, Linear, without_pose
-from rcdn.errors import RcdnError
+from rcdn.errors import ConfigError, shown
 from rcdn.geometry import project_with_jacobian, unproject
 from rcdn.geometry.rigid import unit
 from rcdn.types import Array, Calibration, Camera
 from rcdn.types.arrays import Real
+from rcdn.types.ranges import BOX, two_integers
 
 FEWEST_CLUSTERS = 3
 REACHED = 2.0
@@ -173,13 +175,18 @@ def projection_uncertainty(calibration: Calibration, pixels: Array, distance: fl
     The point is `distance` m away, fixed with respect to the boards: camera and boards were estimated together, and a
     rotation of all boards that compensates a shift of the principal point is no error (mrcal's projection uncertainty,
     mean-pcam). NaN where the lens model has no ray. The estimate is based on the disagreement of the views; an error
-    that is the same in all views is not included.
+    that is the same in all views is not included. Raises ConfigError for a wrong argument.
     """
-    pixels = np.atleast_2d(np.asarray(pixels, float))
+    check_calibration(calibration)
+    try:
+        pixels = np.atleast_2d(np.asarray(pixels, float))
+    except (TypeError, ValueError) as error:
+        raise ConfigError(f"pixels must hold numbers in rows of two (x, y), not {shown(pixels)}") from error
     if pixels.ndim != 2 or pixels.shape[1] != 2:
-        raise RcdnError(f"pixels must have shape (N, 2), not {pixels.shape}")
-    if not distance > 0:
-        raise RcdnError(f"distance must be positive, in metres, or infinite, not {distance}")
+        raise ConfigError(f"pixels must have shape (N, 2), not {pixels.shape}")
+    far = np.asarray(distance)
+    if far.ndim or far.dtype.kind not in "iuf" or not far > 0:
+        raise ConfigError(f"distance must be positive, in metres, or infinite, not {shown(distance)}")
     rays = unit(unproject(calibration.camera, pixels))
     seen = np.isfinite(rays).all(axis=1)
     _, by_camera, by_motion = pixel_jacobians(calibration.camera, rays[seen], distance)
@@ -217,8 +224,15 @@ def unrotated_jacobian(camera: Camera, pixels: Real[Array, "n 2"]) -> tuple[Arra
 
 
 def coverage(calibration: Calibration, cells: tuple[int, int] = (12, 9)) -> Array:
-    """(rows, columns) number of used corners in each of `cells` (columns, rows) equal parts of the sensor."""
+    """(rows, columns) number of used corners in each of `cells` (columns, rows) equal parts of the sensor.
+    Raises ConfigError for anything but a Calibration, and for `cells` that aren't two whole numbers from 1 on."""
+    check_calibration(calibration)
+    parts = two_integers(cells)
+    if parts is None or min(parts) < 1 or parts[0] * parts[1] > BOX:
+        raise ConfigError(
+            f"cells must be (columns, rows), whole numbers from 1 on and {BOX} in all at most, not {shown(cells)}"
+        )
     width, height = calibration.camera.image_size
     corners = np.concatenate([v.xy[v.used] for v in calibration.used_views] or [np.zeros((0, 2))])
-    edges = np.linspace(-0.5, height - 0.5, cells[1] + 1), np.linspace(-0.5, width - 0.5, cells[0] + 1)
+    edges = np.linspace(-0.5, height - 0.5, parts[1] + 1), np.linspace(-0.5, width - 0.5, parts[0] + 1)
     return np.asarray(np.histogram2d(corners[:, 1], corners[:, 0], bins=edges)[0].astype(int))

@@ -11,11 +11,11 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from rcdn.errors import RcdnError, many, shown
+from rcdn.errors import ConfigError, RcdnError, many, shown
 from rcdn.types.arrays import Real
 from rcdn.types.base import Array, Value, freeze
 from rcdn.types.plane import Pattern, Plane
-from rcdn.types.ranges import BOX, LABEL, POSITION, whole_size
+from rcdn.types.ranges import BOX, LABEL, POSITION, two_integers, whole_size
 from rcdn.types.shown import drawing, paragraph
 from rcdn.types.target import AprilGrid, Target
 
@@ -202,13 +202,17 @@ class Board(Value):
 
         It is never mirrored, and a deltille isn't rotated. Of the two rotations by 90°, the one that preserves the
         colour of the square inside (0, 0) is used, so that an unambiguous board remains unambiguous.
+        Raises ConfigError for a `size` that isn't two whole numbers.
         """
+        wanted = two_integers(size)
+        if wanted is None:
+            raise ConfigError(f"size must be (columns, rows) of inner corners, whole numbers, not {shown(size)}")
         grid = self.grid()
-        if self.size == tuple(size):
+        if self.size == wanted:
             return grid
         if self.pattern != "checker":
             return None
-        if self.size != tuple(size)[::-1]:
+        if self.size != wanted[::-1]:
             return None
         return np.rot90(grid, 1) if self.size[0] % 2 == 0 else np.rot90(grid, -1)
 

@@ -29,7 +29,7 @@ LARGEST = 1e100
 def whole_size(value: Any, what: str) -> tuple[int, int]:
     """(width, height) of a picture as two integers. Raises RcdnError, whose message starts with `what`, unless each is
     an integer from 1 to SIDE."""
-    size = _two(value)
+    size = two_integers(value)
     if size is None or min(size) < 1 or max(size) > SIDE:
         raise RcdnError(f"{what} must be (width, height), whole numbers from 1 to {SIDE} px, not {shown(value)}")
     return size
@@ -38,7 +38,7 @@ def whole_size(value: Any, what: str) -> tuple[int, int]:
 def grid_size(value: Any, what: str, least: int) -> tuple[int, int]:
     """(columns, rows) of a board's inner corners as two integers. Raises ConfigError, whose message starts with `what`,
     unless each is at least `least` and their product at most BOX."""
-    size = _two(value)
+    size = two_integers(value)
     if size is None or min(size) < least or size[0] * size[1] > BOX:
         raise ConfigError(
             f"{what} counts inner corners (columns, rows), at least {least} each and {BOX} in all at most, "
@@ -47,7 +47,7 @@ def grid_size(value: Any, what: str, least: int) -> tuple[int, int]:
     return size
 
 
-def _two(value: Any) -> tuple[int, int] | None:
+def two_integers(value: Any) -> tuple[int, int] | None:
     """`value` as two integers, or None if it isn't a pair of integers."""
     try:
         a, b = value

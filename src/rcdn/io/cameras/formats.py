@@ -9,7 +9,7 @@ from typing import Any, Literal, get_args
 from rcdn.errors import FormatError, shown
 from rcdn.io.cameras import colmap, kalibr, mrcal, opencv, ours, ros, yaml_text
 from rcdn.io.cameras.base import Format, UnheldLensError, one_of
-from rcdn.io.fields import read_text
+from rcdn.io.fields import check_path, read_text
 from rcdn.types import Camera
 
 CameraFormat = Literal["opencv", "ros", "kalibr", "colmap", "mrcal", "json"]
@@ -36,8 +36,10 @@ def camera_format(path: str | Path, format: CameraFormat | None = None) -> Camer
     """The format in which `path` is written: `format` if given, else determined by the file name.
 
     `.cameramodel` is mrcal, `.txt` COLMAP, `.json` rcdn's; `.yaml` and `.yml` are OpenCV, or ROS if the name contains
-    `camera_info`, or Kalibr if it contains `camchain`. Raises FormatError for any other name.
+    `camera_info`, or Kalibr if it contains `camchain`. Raises FormatError for any other name, and
+    for what is no path.
     """
+    check_path(path)
     if format is not None:
         return known(format)
     name, ending = Path(path).stem.lower(), Path(path).suffix.lower()
