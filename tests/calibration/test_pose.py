@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from rcdn.calibration import estimate_pose
+from rcdn.calibration import estimate_pose, estimate_rig_pose
 from rcdn.errors import CalibrationError, ConfigError, RcdnError
 from rcdn.geometry import rotation
-from rcdn.types import BoardShape, Camera
+from rcdn.types import BoardShape, Camera, Pose, Rig
 from rcdn_lab.camera_scenes import CAMERAS, SPACING, board, random_boards, random_pose, see
 from rcdn_lab.real_boards import uneven_board
 
@@ -151,6 +151,20 @@ def test_a_shape_is_that_of_whole_boards():
     b = views(BROWN, 6, 1)[0][0]
     with pytest.raises(ConfigError, match="shape: it is that of whole boards of 7×5 corners"):
         estimate_pose(b, BROWN, SPACING, shape=BoardShape(np.zeros((5, 7, 3))))
+
+
+def test_a_shape_needs_the_spacing_of_its_calibration():
+    """Its offsets are in metres; one metre may be a square's side, if it is said."""
+    b, shape = views(BROWN, 6, 1)[0][0], BoardShape(np.zeros((6, 9, 3)))
+    for call in (estimate_pose, lambda one, camera, **more: estimate_rig_pose({"a": one}, of_one(camera), **more)):
+        with pytest.raises(ConfigError, match=r"spacing must be given with a shape.* spacing=calibration\.spacing"):
+            call(b, BROWN, shape=shape)
+        for spacing in (1, 1.0, SPACING):
+            assert call(b, BROWN, spacing=spacing, shape=shape).rms < 1
+
+
+def of_one(camera):
+    return Rig(("a",), (camera,), (Pose(np.eye(4)),))
 
 
 def test_four_corners_and_fewer():

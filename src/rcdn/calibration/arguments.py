@@ -9,8 +9,12 @@ import numpy as np
 
 from rcdn.errors import ConfigError, shown
 from rcdn.geometry.usable_lens import number_trouble
-from rcdn.types import Board, Calibration, Camera, Rig, RigCalibration, StereoCalibration
+from rcdn.types import Board, BoardShape, Calibration, Camera, Rig, RigCalibration, StereoCalibration
 from rcdn.types.ranges import SPACING, grid_size, in_words, is_spacing
+
+IN_SIDES = float("1")
+"""default of a pose's `spacing`, one side of a square: an object of its own, so that a spacing that was left out is
+told from one of 1 m"""
 
 
 def check_spacing(spacing: float) -> None:
@@ -19,6 +23,15 @@ def check_spacing(spacing: float) -> None:
         raise ConfigError(
             f"spacing is the side of one square in metres and must be positive, {in_words(*SPACING)} (25 mm: 0.025), "
             f"not {shown(spacing)}"
+        )
+
+
+def check_scale(shape: BoardShape | None, spacing: float) -> None:
+    """Raise ConfigError if there is a `shape`, whose offsets are in metres, and `spacing` was left out."""
+    if isinstance(shape, BoardShape) and spacing is IN_SIDES:
+        raise ConfigError(
+            "spacing must be given with a shape, whose offsets are in metres: that of the calibration, "
+            "spacing=calibration.spacing"
         )
 
 

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from rcdn.calibration import robust
-from rcdn.calibration.arguments import check_board, check_camera, check_spacing
+from rcdn.calibration.arguments import IN_SIDES, check_board, check_camera, check_scale, check_spacing
 from rcdn.calibration.bundle import Corners3, State, default_free, residuals
 from rcdn.calibration.coded import frame_of
 from rcdn.calibration.shape import KNOWN, on_shape
@@ -28,20 +28,22 @@ ASIDE = 0.1
 
 
 def estimate_pose(
-    board: Board, camera: Camera, spacing: float = 1.0, *, shape: BoardShape | None = None
+    board: Board, camera: Camera, spacing: float = IN_SIDES, *, shape: BoardShape | None = None
 ) -> PoseEstimate:
     """`T_cam_board` of `board` under `camera`: the pose of its corner (0, 0), its columns (x), rows (y) and back (z).
 
     `spacing`: side of a square (of a triangle, of a tag), m (default: the translation is in sides). `shape`:
-    `Calibration.shape`, for whole boards. Starts from both poses that a plane allows (IPPE, Collins & Bartoli 2014),
-    refines them with corners weighted by sigma and without outliers, and returns the better one; `ambiguous` if the
-    difference is not significant. Labels are the board's own: the origin of a partial board is its own first corner,
+    `Calibration.shape`, for whole boards, in metres: with it, `spacing` must be given, too
+    (`Calibration.spacing`). Starts from both poses that a plane allows (IPPE, Collins & Bartoli 2014), refines them
+    with corners weighted by sigma and without outliers, and returns the better one; `ambiguous` if the difference is
+    not significant. Labels are the board's own: the origin of a partial board is its own first corner,
     that of a board whose codes were read is its target's; `T_cam_target` is then the same pose in the coordinates that
     the target's own tools use.
     Raises CalibrationError if fewer than 4 corners, or only corners in one line, have viewing rays, and ConfigError for
-    a camera of another picture size than the board's.
+    a camera of another picture size than the board's, and for a `shape` without a `spacing`.
     """
     check_spacing(spacing)
+    check_scale(shape, spacing)
     check_board(board)
     check_camera(camera)
     if tuple(board.image_size) != tuple(camera.image_size):

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from rcdn.calibration import robust
-from rcdn.calibration.arguments import check_board, check_by_camera, check_rig, check_spacing
+from rcdn.calibration.arguments import IN_SIDES, check_board, check_by_camera, check_rig, check_scale, check_spacing
 from rcdn.calibration.bundle import Corners3, State, default_free, residuals
 from rcdn.calibration.coded import frame_of, identity
 from rcdn.calibration.pose import estimate_pose, pose_corners
@@ -29,7 +29,7 @@ APART = "it sees the board elsewhere than the other cameras"
 
 
 def estimate_rig_pose(
-    boards: Mapping[str, Board], rig: Rig, spacing: float = 1.0, *, shape: BoardShape | None = None
+    boards: Mapping[str, Board], rig: Rig, spacing: float = IN_SIDES, *, shape: BoardShape | None = None
 ) -> RigPoseEstimate:
     """`T_rig_board` of one board from its detections by the cameras of a rig at one moment.
 
@@ -38,9 +38,11 @@ def estimate_rig_pose(
     or quarter turns to match it. Codes relate parts of a board to each other; of a plain board, parts of another size
     than that camera's are left out, as are cameras that see the board elsewhere. The covariance includes that of the
     corners (as in `estimate_pose`) and of the cameras' poses, if the rig has their covariance; lenses are assumed
-    exact. Raises CalibrationError if no camera has a pose, ConfigError for a camera that is not in the rig.
+    exact. Raises CalibrationError if no camera has a pose, RcdnError for a camera that is not in the rig,
+    ConfigError for another wrong argument.
     """
     check_spacing(spacing)
+    check_scale(shape, spacing)
     check_rig(rig)
     check_by_camera(boards, "boards", "the board that each camera saw,")
     if not boards:
