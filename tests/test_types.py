@@ -116,6 +116,64 @@ def test_camera_counts_its_distortion():
     assert Camera(np.eye(3), np.zeros(4), (4, 4)).model == "brown"
 
 
+@pytest.mark.parametrize("K", [np.diag([-500.0, 500, 1]), np.diag([500.0, 0, 1]), np.diag([1e10, 1e10, 1])])
+def test_focal_lengths_of_no_camera_are_refused(K):
+    with pytest.raises(RcdnError, match=r"Camera\.K: the focal lengths must be 1e-09 to 1e"):
+        Camera(K, None, (640, 480))
+    with pytest.raises(RcdnError, match=r"Camera\.K must be a finite"):
+        Camera(K * np.nan, None, (640, 480))
+
+
+def test_a_solver_may_pass_through_cameras_that_are_none():
+    camera = Camera(np.diag([500.0, 500, 1]), None, (640, 480))
+    moved = camera.with_parameters(camera.parameters * [-1, 1, 1, 1, 1, 1, 1, 1, 1])
+    assert moved.K.tolist() == [[-500, 0, 0], [0, 500, 0], [0, 0, 1]]
+    assert not moved.K.flags.writeable
+    for wrong in (np.nan * camera.parameters, camera.parameters[:6]):
+        with pytest.raises(RcdnError, match=r"Camera\.(K|distortion)"):
+            camera.with_parameters(wrong)
+
+
+def test_a_correction_of_another_kind_is_refused():
+    with pytest.raises(RcdnError, match=r"Camera\.correction must be a LensCorrection or None, not 3"):
+        Camera(np.diag([500.0, 500, 1]), None, (640, 480), correction=3)
+
+
+def turned(**changes):
+    """T (4, 4) of a quarter turn about z, with changes of single entries: `a01=2.0`."""
+    T = np.array([[0.0, -1, 0, 1], [1, 0, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]])
+    for name, value in changes.items():
+        T[int(name[1]), int(name[2])] = value
+    return T
+
+
+@pytest.mark.parametrize(
+    "T",
+    [
+        turned(a03=np.nan), turned(a23=np.inf), turned(a01=np.nan), 2 * turned(), turned(a22=-1.0), turned(a30=0.5),
+        turned().T, turned(a33=0.0), turned(a01=-1.01), turned(a02=0.01), np.zeros((4, 4)), turned(a01=1e200),
+    ],
+)  # fmt: skip
+def test_poses_that_are_no_rigid_motions_are_refused(T):
+    with pytest.raises(RcdnError, match=r"Pose\.T_cam_board must be a finite rotation and translation"):
+        Pose(T)
+
+
+def test_rounded_poses_are_taken():
+    """Of four digits, as files of other programs and products of them have."""
+    angle = np.radians(33)
+    R = [[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]]
+    T = np.eye(4)
+    T[:3, :3] = np.round(R, 4)
+    assert np.array_equal(Pose(T).T_cam_board, T)
+
+
+def test_deviations_are_not_negative():
+    with pytest.raises(RcdnError, match=r"Corners\.sigma must not be negative"):
+        corners(sigma=[0.1, 0.1, -1e-9, np.nan])
+    assert corners(sigma=[0.1, 0.0, np.inf, np.nan]).sigma[1] == 0  # rounded in a file; unknown
+
+
 def test_grid_has_nan_where_a_corner_is_missing():
     seen = board(4, 3, drop={(2, 1)}, shift=(5, -2))
     assert seen.size == (4, 3)

@@ -307,17 +307,13 @@ def _check_target(value: Any) -> None:
     """Raises ConfigError unless `value` is a valid setting `target`."""
     if isinstance(value, str) and value in get_args(Targets):
         return
-    from rcdn.types.target import Target, target_of, target_record  # imported here: it needs NumPy, settings don't
+    from rcdn.types.target import Target  # imported here: it needs NumPy, settings don't
 
     _require(
         isinstance(value, Target),
         f"DetectorConfig.target must be one of {get_args(Targets)}, or a Charuco, AprilGrid or PuzzleBoard, "
         f"not {shown(value)}",
     )
-    try:
-        target_of(target_record(value))
-    except RcdnError as error:
-        raise ConfigError(f"DetectorConfig.{error}") from error
 
 
 _PAYLOADS = {c.__name__: c for c in (*get_args(Threshold), Nms, Cluster, Refine, Sharpen, DetectorConfig)}

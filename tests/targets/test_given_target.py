@@ -14,6 +14,7 @@ from rcdn.errors import ConfigError
 from rcdn.synthetic import Background, BoardSpec, Scene, render
 from rcdn.targets import identified
 from rcdn.types import AprilGrid, Board, Charuco, PuzzleBoard
+from rcdn.types.target import target_of, target_record
 
 RIG = Charuco(4, 5, "DICT_4X4_50", 0.75, inverted=True)
 TAGS = AprilGrid(4, 3, "tag36h11", 0.3)
@@ -129,10 +130,42 @@ def test_settings_with_a_target_go_to_json_and_back(target):
     assert again.to_json() != DetectorConfig().to_json()
 
 
-@pytest.mark.parametrize("target", ["charuco", None, 3, Charuco(1, 5, "DICT_4X4_50", 0.75), replace(RIG, marker=2.0)])
+@pytest.mark.parametrize("target", ["charuco", None, 3, Charuco, {"columns": 8}])
 def test_what_is_no_target_is_refused(target):
     with pytest.raises(ConfigError, match="target"):
         DetectorConfig(target=target)
+
+
+@pytest.mark.parametrize(
+    ("target", "changes", "words"),
+    [
+        (RIG, {"columns": 1}, "Charuco.columns must be a whole number from 2 to 1000, not 1"),
+        (RIG, {"columns": 4.0}, "Charuco.columns must be"), (RIG, {"rows": 0}, "Charuco.rows must be"),
+        (RIG, {"columns": True}, "Charuco.columns must be"), (RIG, {"first_id": -1}, "Charuco.first_id must be"),
+        (RIG, {"marker": 7.5}, "Charuco.marker must lie between 0 and 1, not 7.5"),
+        (RIG, {"marker": "0.5"}, "Charuco.marker"), (RIG, {"marker": 10**400}, "Charuco.marker"),
+        (RIG, {"marker": np.nan}, "Charuco.marker"),
+        (RIG, {"dictionary": 4}, "Charuco.dictionary must be a name"), (RIG, {"legacy": 1}, "Charuco.legacy must be"),
+        (RIG, {"inverted": "no"}, "Charuco.inverted must be"), (TAGS, {"columns": 0}, "AprilGrid.columns must be"),
+        (TAGS, {"gap": 1}, "AprilGrid.gap must lie"), (TAGS, {"border": 0}, "AprilGrid.border must be"),
+        (TAGS, {"rows": "4"}, "AprilGrid.rows must be"), (TAGS, {"family": None}, "AprilGrid.family must be a name"),
+    ],
+)  # fmt: skip
+def test_fields_out_of_range_are_refused_where_a_target_is_made(target, changes, words):
+    with pytest.raises(ConfigError, match=words):
+        replace(target, **changes)
+
+
+def test_fields_of_numpy_s_types_become_python_s():
+    made = replace(RIG, columns=np.int64(4), rows=np.uint8(5), marker=np.float32(0.75), inverted=np.True_)
+    assert made == RIG
+    assert repr(made) == repr(RIG)
+    assert DetectorConfig.from_json(DetectorConfig(target=made).to_json()).target == RIG
+
+
+def test_every_first_marker_of_a_dictionary_is_one():
+    made = Charuco(4, 5, "DICT_APRILTAG_36h10", 0.75, first_id=2310)
+    assert target_of(target_record(made)) == made
 
 
 def test_a_damaged_target_in_settings_is_refused():

@@ -6,7 +6,7 @@ import numpy as np
 
 from rcdn.geometry.lens import unproject
 from rcdn.types import Camera
-from rcdn.types.ranges import COEFFICIENT, FOCAL, POSITION
+from rcdn.types.ranges import COEFFICIENT, POSITION, focal_trouble
 
 ALONG = 9
 """grid points along each side of the frame at which rays are checked"""
@@ -33,10 +33,9 @@ def lens_trouble(camera: Camera) -> str:
 def number_trouble(camera: Camera) -> str:
     """`lens_trouble` for the parameters alone, without the viewing rays."""
     K = camera.K
-    f, shift = K[[0, 1], [0, 1]], K[[0, 0, 1], [1, 2, 2]]
-    if not ((f >= FOCAL[0]) & (f <= FOCAL[1])).all():
-        return f"K: the focal lengths must be {FOCAL[0]:g} to {FOCAL[1]:g} px, not {f[0]:.6g} and {f[1]:.6g}"
-    if not (np.abs(shift) <= POSITION).all():
+    if trouble := focal_trouble(K):
+        return f"K: {trouble}"
+    if not (np.abs(K[[0, 0, 1], [1, 2, 2]]) <= POSITION).all():
         return f"K: the principal point and the skew must be within ±{POSITION:g} px"
     if not (np.abs(camera.distortion) <= COEFFICIENT).all():
         return f"distortion: its numbers must be finite and within ±{COEFFICIENT:g}, not {camera.distortion.tolist()}"

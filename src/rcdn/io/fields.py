@@ -14,7 +14,7 @@ import numpy as np
 from rcdn.errors import FormatError, RcdnError, shown
 from rcdn.types import Array
 from rcdn.types.arrays import Real
-from rcdn.types.ranges import LARGEST, SIDE
+from rcdn.types.ranges import LARGEST, SIDE, is_rigid
 
 MOST_BYTES = 1 << 30
 """largest size of a file: a larger one would take tens of gigabytes of memory"""
@@ -132,14 +132,6 @@ def rigid(record: Any, key: str, where: str) -> Real[Array, "4 4"]:
     if not is_rigid(T):
         raise FormatError(f"{where}: {key!r} is no rotation and translation (4 × 4); write or export the file again")
     return T
-
-
-def is_rigid(T: Array) -> bool:
-    """Whether T (4, 4) is a finite rigid transformation, allowing for numbers rounded to five digits."""
-    R = T[:3, :3]
-    if not (np.abs(R) <= 2).all() or not np.isfinite(T).all() or not np.array_equal(T[3], [0, 0, 0, 1]):
-        return False
-    return bool(np.allclose(R @ R.T, np.eye(3), atol=1e-5) and np.linalg.det(R) > 0)
 
 
 def nullable(values: Any) -> Any:

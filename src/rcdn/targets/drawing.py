@@ -15,7 +15,6 @@ from rcdn.types import AprilGrid, Array, Charuco, Checkerboard, Deltille, Print,
 from rcdn.types.arrays import Real
 from rcdn.types.plane import ROW
 from rcdn.types.shapes import Area, Disc, Point, Rect, Shape
-from rcdn.types.target import check_target
 
 CIRCLE = 1 / 6
 """radius of a PuzzleBoard's circles, squares"""
@@ -57,10 +56,8 @@ def extent(target: Print) -> tuple[float, float]:
 
 
 def check(target: Print) -> None:
-    """Raise ConfigError unless the target can be drawn: its fields are in range, all its markers are in its dictionary,
-    and its number of rows is known."""
-    if isinstance(target, (Charuco, AprilGrid)):
-        check_target(target)
+    """Raise ConfigError unless the target can be drawn: its markers are in its dictionary, and its number of rows is
+    known."""
     if target.rows is None:
         raise ConfigError(f"{target}: how many rows it has must be known to print it")
     if isinstance(target, Charuco):

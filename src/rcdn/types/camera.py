@@ -15,7 +15,7 @@ from rcdn.types.arrays import Real
 from rcdn.types.base import Array, Value, freeze
 from rcdn.types.correction import LensCorrection
 from rcdn.types.named import Named
-from rcdn.types.ranges import whole_size
+from rcdn.types.ranges import CHAINED, focal_trouble, is_rigid, whole_size
 from rcdn.types.shown import deviations, paragraph
 
 CameraModel = Literal["pinhole", "brown", "rational", "fisheye", "division"]
@@ -49,6 +49,12 @@ class Camera(Value):
     correction: LensCorrection | None = None
 
     def __post_init__(self) -> None:
+        self._settle()
+        if trouble := focal_trouble(self.K):
+            raise RcdnError(f"Camera.K: {trouble}")
+
+    def _settle(self) -> None:
+        """Freeze the arrays, and raise RcdnError for what can be no camera, except for its focal lengths."""
         freeze(self, "K", self.K, np.float64, (3,))
         if not isinstance(self.model, str) or self.model not in LENS:
             raise RcdnError(f"Camera.model must be one of {', '.join(LENS)}, not {shown(self.model)}")
@@ -68,6 +74,8 @@ class Camera(Value):
             raise RcdnError(
                 f"Camera.distortion of model {self.model!r} takes {counts} numbers, not {len(self.distortion)}{other}"
             )
+        if not isinstance(self.correction, LensCorrection | None):
+            raise RcdnError(f"Camera.correction must be a LensCorrection or None, not {shown(self.correction)}")
         if self.correction is not None and self.model == "division":
             raise RcdnError("Camera.correction is not for model 'division'; use pinhole, brown, rational or fisheye")
 
@@ -161,14 +169,22 @@ class Camera(Value):
         return _work().load(path, name, format)
 
     def with_parameters(self, parameters: Array) -> Camera:
-        """A camera with these `parameters`, and the same model, size, skew and grid of the correction."""
+        """A camera with these `parameters`, and the same model, size, skew and grid of the correction. Its focal
+        lengths may be out of range, as on the way of a solver. Raises RcdnError as Camera does for all else."""
         fx, fy, cx, cy = (float(v) for v in parameters[:4])
-        K = np.array([[fx, self.K[0, 1], cx], [0, fy, cy], [0, 0, 1]])
-        if self.correction is None:
-            return Camera(K, np.asarray(parameters[4:], float), self.image_size, self.model)
-        end = self.coefficients
-        correction = self.correction.with_control(parameters[end:])
-        return Camera(K, np.asarray(parameters[4:end], float), self.image_size, self.model, correction)
+        end = len(parameters) if self.correction is None else self.coefficients
+        new: dict[str, Any] = {
+            "K": np.array([[fx, self.K[0, 1], cx], [0, fy, cy], [0, 0, 1]]),
+            "distortion": np.asarray(parameters[4:end], float),
+            "image_size": self.image_size,
+            "model": self.model,
+            "correction": None if self.correction is None else self.correction.with_control(parameters[end:]),
+        }
+        out = object.__new__(Camera)
+        for name, value in new.items():
+            object.__setattr__(out, name, value)
+        out._settle()
+        return out
 
 
 class CameraWork(Protocol):
@@ -208,7 +224,8 @@ def _rows_of(value: ArrayLike, length: int, called: str) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Pose(Value):
-    """`T_cam_board` (4, 4): takes homogeneous board coordinates (in squares or metres) to camera coordinates."""
+    """`T_cam_board` (4, 4): takes homogeneous board coordinates (in squares or metres) to camera coordinates. Raises
+    RcdnError unless it is a finite rotation and translation, to 10⁻³."""
 
     T_cam_board: Array
 
@@ -216,6 +233,11 @@ class Pose(Value):
         freeze(self, "T_cam_board", self.T_cam_board, np.float64, (4,))
         if self.T_cam_board.shape != (4, 4):
             raise RcdnError(f"Pose.T_cam_board must have shape (4, 4), not {self.T_cam_board.shape}")
+        if not is_rigid(self.T_cam_board, CHAINED):
+            raise RcdnError(
+                f"Pose.T_cam_board must be a finite rotation and translation, [[R, t], [0, 0, 0, 1]], R neither scaled "
+                f"nor mirrored, not {self.T_cam_board.tolist()}"
+            )
 
     def __repr__(self) -> str:
         return f"<Pose: {self._place}>"

@@ -45,6 +45,14 @@ def _freeze_status(owner: Any) -> None:
         raise RcdnError(f"{type(owner).__name__}.status must hold values of Status, 0 to {LAST}")
 
 
+def _freeze_sigma(owner: Any) -> None:
+    if owner.sigma is None:
+        return
+    freeze(owner, "sigma", owner.sigma, np.float64, ())
+    if (owner.sigma < 0).any():
+        raise RcdnError(f"{type(owner).__name__}.sigma must not be negative; NaN where it is unknown")
+
+
 @dataclass(frozen=True, eq=False)
 class Corners(Value):
     """X-corners of one image, sorted by response (falling), then x, then y.
@@ -65,8 +73,7 @@ class Corners(Value):
         _freeze_status(self)
         if self.axes is not None:
             freeze(self, "axes", self.axes, np.float64, (2,))
-        if self.sigma is not None:
-            freeze(self, "sigma", self.sigma, np.float64, ())
+        _freeze_sigma(self)
         for name in ("response", "status", "axes", "sigma"):
             value = getattr(self, name)
             if value is not None and len(value) != len(self.xy):
@@ -129,8 +136,11 @@ class Board(Value):
         freeze(self, "ij", self.ij, np.int64, (2,), LABEL)
         freeze(self, "response", self.response, np.float64, ())
         _freeze_status(self)
-        if self.sigma is not None:
-            freeze(self, "sigma", self.sigma, np.float64, ())
+        _freeze_sigma(self)
+        if not isinstance(self.target, Target | None):
+            raise RcdnError(
+                f"Board.target must be a Charuco, AprilGrid or PuzzleBoard, or None, not {shown(self.target)}"
+            )
         if self.ids is not None:
             freeze(self, "ids", self.ids, np.int64, ())
         if not isinstance(self.origin_dark, bool | None):

@@ -12,7 +12,7 @@ from rcdn.types.arrays import Real, Shaped
 from rcdn.types.base import Array
 from rcdn.types.plane import plane_points
 from rcdn.types.ranges import SPACING, grid_size, in_words, is_spacing
-from rcdn.types.target import PUZZLE, AprilGrid, Charuco, PuzzleBoard, check_target, grid_of, numbers
+from rcdn.types.target import PUZZLE, AprilGrid, Charuco, PuzzleBoard, grid_of, numbers
 
 LEAST_CORNERS = 2
 """smallest number of corners along a side of a board"""
@@ -157,15 +157,13 @@ class Printed:
     Its frame is that of `Board.points` × spacing, in which poses are given: origin at the corner with label (0, 0), x
     along i, y along j, z away from a viewer of the front. The origin of OpenCV's frame of a ChArUco board is one square
     before, on both axes. Kalibr's frame of an AprilGrid has its origin at the bottom left, x to the right, y upwards
-    and z towards a viewer of the front. Raises ConfigError for an invalid target or spacing.
+    and z towards a viewer of the front. Raises ConfigError for an invalid spacing.
     """
 
     target: Print
     spacing: float
 
     def __post_init__(self) -> None:
-        if isinstance(self.target, (Charuco, AprilGrid)):
-            check_target(self.target)
         if not is_spacing(self.spacing):
             raise ConfigError(
                 f"Printed.spacing must be a length above 0, {in_words(*SPACING)} m, such as 0.025, "

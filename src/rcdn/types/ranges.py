@@ -6,7 +6,10 @@ import math
 from numbers import Real
 from typing import Any
 
+import numpy as np
+
 from rcdn.errors import ConfigError, RcdnError, shown
+from rcdn.types.base import Array
 
 POSITION = 1e7
 """px: positions lie within ±POSITION"""
@@ -22,6 +25,10 @@ FOCAL = (1e-9, 1e9)
 """px: focal lengths"""
 COEFFICIENT = 1e12
 """coefficients of a lens model lie within ±COEFFICIENT; they are large for long focal lengths"""
+RIGID = 1e-5
+"""largest deviation of a rotation's rows from orthonormal ones in files, where numbers are rounded to five digits"""
+CHAINED = 1e-3
+"""that of a pose: it may be a product of many that files hold"""
 LARGEST = 1e100
 """any other number lies within ±LARGEST, so that its square is finite"""
 
@@ -63,6 +70,23 @@ def is_spacing(value: Any) -> bool:
         return isinstance(value, Real) and SPACING[0] <= float(value) <= SPACING[1]
     except OverflowError:
         return False
+
+
+def is_rigid(T: Array, within: float = RIGID) -> bool:
+    """Whether T (4, 4) is a finite rigid transformation; the rows of its rotation may deviate from orthonormal ones by
+    `within`."""
+    R = T[:3, :3]
+    if not (np.abs(R) <= 2).all() or not np.isfinite(T).all() or not np.array_equal(T[3], [0, 0, 0, 1]):
+        return False
+    return bool(np.allclose(R @ R.T, np.eye(3), atol=within) and np.linalg.det(R) > 0)
+
+
+def focal_trouble(K: Array) -> str:
+    """The reason why the focal lengths of K (3, 3) are out of range; "" if they aren't."""
+    f = K[[0, 1], [0, 1]]
+    if ((f >= FOCAL[0]) & (f <= FOCAL[1])).all():
+        return ""
+    return f"the focal lengths must be {FOCAL[0]:g} to {FOCAL[1]:g} px, not {f[0]:.6g} and {f[1]:.6g}"
 
 
 def in_words(low: float, high: float) -> str:

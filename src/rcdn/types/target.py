@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, fields
+from numbers import Integral
 from typing import Any, ClassVar
 
 import numpy as np
@@ -13,7 +14,9 @@ from rcdn.types.base import Array
 from rcdn.types.plane import plane_points
 
 LARGEST = 1000
-"""largest number of squares or tags along a side, and largest first number of a marker or tag"""
+"""largest number of squares or tags along a side"""
+LAST = 9999
+"""largest first number of a marker or tag; OpenCV's largest dictionary has 2,320"""
 PUZZLE = 501
 """columns and rows of the PuzzleBoard's master code"""
 
@@ -26,6 +29,7 @@ class Charuco:
     black squares.
 
     Corners are numbered as in OpenCV: row by row from the top left, columns − 1 per row. `ij` starts there at (0, 0).
+    Raises ConfigError for a field out of range; whether OpenCV has the dictionary is checked where it is used.
     """
 
     columns: int
@@ -38,6 +42,13 @@ class Charuco:
     kind: ClassVar[str] = "charuco"
 
     def __post_init__(self) -> None:
+        _whole(self, "columns", 2)
+        _whole(self, "rows", 1)
+        _whole(self, "first_id", 0, LAST)
+        _share(self, "marker")
+        _named(self, "dictionary")
+        _truth(self, "legacy")
+        _truth(self, "inverted")
         if self.rows is not None and self.rows % 2:
             object.__setattr__(self, "legacy", False)
 
@@ -111,7 +122,7 @@ class AprilGrid:
 
     Corners are numbered as in Kalibr: row by row upwards from the bottom left, 2 · columns per row. A corner's `ij`
     counts from the bottom right, i to the left and j upwards, so that it is right-handed like all labels; the corner
-    lies at `plane(ij)`.
+    lies at `plane(ij)`. Raises ConfigError for a field out of range.
     """
 
     columns: int
@@ -121,6 +132,14 @@ class AprilGrid:
     border: int = 2
     first_id: int = 0
     kind: ClassVar[str] = "aprilgrid"
+
+    def __post_init__(self) -> None:
+        _whole(self, "columns", 1)
+        _whole(self, "rows", 1)
+        _whole(self, "border", 1)
+        _whole(self, "first_id", 0, LAST)
+        _share(self, "gap")
+        _named(self, "family")
 
     def __str__(self) -> str:
         extra = f" from tag {self.first_id}" if self.first_id else ""
@@ -148,6 +167,40 @@ class AprilGrid:
 
 
 Target = Charuco | PuzzleBoard | AprilGrid
+
+
+def _whole(owner: Charuco | AprilGrid, name: str, least: int, most: int = LARGEST) -> None:
+    """Keep the field as an int; `rows` may be None. Raises ConfigError for anything but a whole number in the range."""
+    value = getattr(owner, name)
+    if name == "rows" and value is None:
+        return
+    if isinstance(value, (bool, np.bool_)) or not isinstance(value, Integral) or not least <= int(value) <= most:
+        raise ConfigError(
+            f"{type(owner).__name__}.{name} must be a whole number from {least} to {most}, not {shown(value)}"
+        )
+    object.__setattr__(owner, name, int(value))
+
+
+def _share(owner: Charuco | AprilGrid, name: str) -> None:
+    """Keep the field as a float. Raises ConfigError for anything but a number between 0 and 1."""
+    value = getattr(owner, name)
+    if not isinstance(value, (int, float, np.integer, np.floating)) or not 0 < value < 1:
+        raise ConfigError(f"{type(owner).__name__}.{name} must lie between 0 and 1, not {shown(value)}")
+    object.__setattr__(owner, name, float(value))
+
+
+def _named(owner: Charuco | AprilGrid, name: str) -> None:
+    """Raise ConfigError unless the field is a text."""
+    if not isinstance(getattr(owner, name), str):
+        raise ConfigError(f"{type(owner).__name__}.{name} must be a name, not {shown(getattr(owner, name))}")
+
+
+def _truth(owner: Charuco | AprilGrid, name: str) -> None:
+    """Keep the field as a bool. Raises ConfigError for anything but True and False."""
+    value = getattr(owner, name)
+    if not isinstance(value, (bool, np.bool_)):
+        raise ConfigError(f"{type(owner).__name__}.{name} must be True or False, not {shown(value)}")
+    object.__setattr__(owner, name, bool(value))
 
 
 def grid_of(columns: int, rows: int) -> Array:
@@ -189,25 +242,6 @@ def target_of(record: Any) -> Target:
         raise RcdnError(f"a target has a kind, one of {', '.join(_KINDS)}, not {shown(record)}")
     names = {f.name for f in fields(kind)}
     try:
-        target = kind(**{name: value for name, value in record.items() if name in names})
+        return kind(**{name: value for name, value in record.items() if name in names})
     except TypeError as error:
         raise RcdnError(f"a target of kind {kind.kind} needs the fields {', '.join(sorted(names))}") from error
-    check_target(target)
-    return target
-
-
-def check_target(target: Target) -> None:
-    """Raise ConfigError unless the fields of the target are valid."""
-    for name, value in asdict(target).items():
-        if name in ("columns", "rows", "first_id", "border"):
-            least = {"first_id": 0, "columns": 1 if target.kind == "aprilgrid" else 2}.get(name, 1)
-            if not (name == "rows" and value is None) and (type(value) is not int or not least <= value <= LARGEST):
-                raise ConfigError(f"target.{name} must be a whole number from {least} to {LARGEST}, not {shown(value)}")
-        elif name in ("marker", "gap"):
-            if type(value) not in (int, float) or not 0 < value < 1:
-                raise ConfigError(f"target.{name} must lie between 0 and 1, not {shown(value)}")
-        elif name in ("legacy", "inverted"):
-            if type(value) is not bool:
-                raise ConfigError(f"target.{name} must be true or false, not {shown(value)}")
-        elif not isinstance(value, str):
-            raise ConfigError(f"target.{name} must be a name, not {shown(value)}")

@@ -11,9 +11,10 @@ from rcdn.io.cameras import ours
 from rcdn.io.cameras.base import Format, LensFit
 from rcdn.io.cameras.formats import FORMATS, CameraFormat, camera_format, load, no_pair, text_of
 from rcdn.io.cameras.rig import StereoCameras
-from rcdn.io.fields import is_rigid, located, read_text
+from rcdn.io.fields import located, read_text
 from rcdn.io.files import check_writable, write_text
 from rcdn.types import Camera, StereoCalibration
+from rcdn.types.ranges import is_rigid
 
 
 def write_camera(
