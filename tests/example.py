@@ -19,6 +19,16 @@ def boards_of(folder: Path) -> list[rcdn.Board]:
     return found
 
 
+def given_camera() -> rcdn.Camera:
+    """A camera of known numbers, without distortion and with it."""
+    plain = rcdn.Camera(np.diag([500.0, 500.0, 1.0]), None, (640, 480))
+    lens = rcdn.Camera([[500, 0, 320], [0, 500, 240], [0, 0, 1]], [-0.2, 0.05, 0, 0], [640, 480], model="brown")
+    K: NDArray[np.float64] = plain.K
+    width: int = lens.image_size[0]
+    print(K, width, plain.distortion.shape)
+    return lens
+
+
 def camera_of(boards: list[rcdn.Board]) -> rcdn.Camera:
     """The camera that saw them."""
     calibration: rcdn.Calibration = rcdn.calibrate(boards, spacing=0.025)

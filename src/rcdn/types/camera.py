@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -47,6 +48,17 @@ class Camera(Value):
     image_size: tuple[int, int]
     model: CameraModel = "brown"
     correction: LensCorrection | None = None
+
+    if TYPE_CHECKING:  # what the dataclass's own constructor takes is more than what the fields are then
+
+        def __init__(
+            self,
+            K: ArrayLike,
+            distortion: ArrayLike | None,
+            image_size: Sequence[int],
+            model: CameraModel = "brown",
+            correction: LensCorrection | None = None,
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         self._settle()
