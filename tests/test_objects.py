@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 import rcdn
+from rcdn.calibration.comparison import compare
 from rcdn.config import DetectorConfig, MaxFraction
 from rcdn.geometry import zero_correction
 from rcdn.synthetic import PRESETS, random_scene, render
-from rcdn.types import Corners, Pose, Reason, Rig, RigCalibration, RigPair, StereoCalibration, Verdict
+from rcdn.types import BoardShape, Corners, Pose, Reason, Rig, RigCalibration, RigPair, StereoCalibration, Verdict
 from rcdn.types.named import Named
 from rcdn.types.shown import decimals
 from rcdn_lab.camera_scenes import CAMERAS, SPACING, random_boards
@@ -67,7 +68,12 @@ VALUES = {
     "detection": detection,
     "camera": lambda: CAMERAS["brown"],
     "splined camera": lambda: replace(CAMERAS["pinhole"], correction=zero_correction(CAMERAS["pinhole"], 5)),
+    "correction": lambda: zero_correction(CAMERAS["pinhole"], 5),
     "calibration": calibration,
+    "shape": lambda: BoardShape(np.arange(162.0).reshape(6, 9, 3) * 1e-5),
+    "shape of nothing": lambda: BoardShape(np.zeros((0, 9, 3))),
+    "comparison": lambda: compare(calibration(), calibration().camera),
+    "difference": lambda: compare(CAMERAS["brown"], CAMERAS["pinhole"]).found,
     "pair": pair,
     "rig": lambda: RIG,
     "rig calibration": many,
@@ -122,6 +128,8 @@ def test_what_reprs_say():
     assert repr(detection()) == f"<Detection: {len(corners)} corners, 1 board>"
     assert repr(replace(detection(), boards=[], warnings=("a",))).endswith(" corners, 0 boards, 1 warning>")
     assert repr(calibration()).startswith(f"<Calibration: {calibration().verdict.level}, brown 640×480 px, rms 0.2")
+    assert repr(BoardShape(np.eye(3)[None] * 1e-3)) == "<BoardShape 3×1 corners: bend 0.001 m, print error 0.000816 m>"
+    assert " px over the area that the boards cover, " in repr(compare(calibration(), calibration()))
     assert "fx 520, fy 515, cx 330, cy 236, k1 -0.28" in repr(CAMERAS["brown"])
     assert repr(pair()).startswith("<StereoCalibration: not judged, baseline 0.1 m, ")
     bad = Verdict("bad", (Reason("rms", "bad", "RMS", 9.0, 1.0, "px", "The RMS is 9 px.", "Look."),))
@@ -189,6 +197,12 @@ def test_a_rig_says_where_its_cameras_stand():
     assert [row[0] for row in rows] == ["left", "<right>", "alone"]
     assert rows[2][1] == "not connected"
     assert float(rows[0][4]) == pytest.approx(calibration().rms, rel=0.01)
+
+
+def test_the_poses_of_a_rig_can_t_be_written_to():
+    with pytest.raises(ValueError, match="read-only"):
+        RIG.T_cam_rig[1, 0, 3] = 7
+    assert RIG.T_cam_rig[1, 0, 3] == -0.25
 
 
 def test_decimals_leave_two_digits_of_a_deviation():

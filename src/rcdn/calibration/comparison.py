@@ -48,6 +48,11 @@ class Comparison:
     agreement: Agreement | None = None
     shared: int = 0
 
+    def __repr__(self) -> str:
+        area = "that the boards cover" if self.where == "seen" else "that both see"
+        stated = "" if self.agreement is None else f", {self.agreement.rms:.3g} times what both state"
+        return f"<Comparison: rms {self.over_area.rms:.3g} px over the area {area}{stated}>"
+
     @property
     def over_area(self) -> Difference:
         """The difference at the points inside the area."""

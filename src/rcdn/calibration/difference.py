@@ -44,6 +44,9 @@ class Difference:
     vectors: Array
     points: Array
 
+    def __repr__(self) -> str:
+        return f"<Difference: rms {self.rms:.3g} px at {len(self.points)} points, turned by {self.angle:.3g}°>"
+
     @property
     def lengths(self) -> Real[Array, " n"]:
         """(N,) lengths of the vectors, px."""

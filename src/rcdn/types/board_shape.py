@@ -27,6 +27,10 @@ class BoardShape(Value):
         if not np.isfinite(self.offsets).all():
             raise RcdnError("BoardShape.offsets must be finite")
 
+    def __repr__(self) -> str:
+        sizes = f": bend {self.bend:.3g} m, print error {self.print_error:.3g} m" if self.offsets.size else ""
+        return f"<BoardShape {self.size[0]}×{self.size[1]} corners{sizes}>"
+
     @property
     def size(self) -> tuple[int, int]:
         """(columns, rows) of inner corners."""

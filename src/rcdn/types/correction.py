@@ -39,6 +39,11 @@ class LensCorrection(Value):
         if self.extent.shape != (2,) or not (np.isfinite(self.extent) & (self.extent > 0)).all():
             raise RcdnError(f"LensCorrection.extent must hold two positive numbers, not {self.extent.tolist()}")
 
+    def __repr__(self) -> str:
+        rows, columns, _ = self.control.shape
+        x, y = self.extent.tolist()
+        return f"<LensCorrection {columns}×{rows} control points, ±{x:.3g} × ±{y:.3g}>"
+
     @property
     def cells(self) -> Real[Array, " 2"]:
         """(2,) number of cells of the domain along x and y."""

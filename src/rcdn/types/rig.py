@@ -59,8 +59,10 @@ class Rig(Value):
 
     @property
     def T_cam_rig(self) -> Real[Array, "n 4 4"]:
-        """(n, 4, 4) of the cameras, in the order of their names."""
-        return np.stack([pose.T_cam_board for pose in self.poses])
+        """(n, 4, 4) of the cameras, in the order of their names, read-only."""
+        T = np.stack([pose.T_cam_board for pose in self.poses])
+        T.setflags(write=False)
+        return T
 
     def index(self, name: str) -> int:
         """The index of the camera called `name`. Raises RcdnError if there is none."""
