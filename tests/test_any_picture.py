@@ -1,5 +1,7 @@
 """A detector takes a path, an array or a PIL image, and finds the same in each."""
 
+import io
+
 import cv2
 import numpy as np
 import pytest
@@ -85,12 +87,29 @@ def test_what_is_no_picture_is_said(tmp_path):
         (bytearray(b"\x89PNG"), r"not bytearray; decode it first: cv2\.imdecode"),
         (cv2.UMat(GREY), r"not UMat; .*umat\.get\(\)"),
         ({}, r"not dict; convert it, e\.g\. with np\.asarray"),
+        (
+            io.BytesIO(),
+            r"not BytesIO; read it: cv2\.imdecode\(np\.frombuffer\(image\.read\(\), np\.uint8\), .*\), or PIL",
+        ),
     ],
-    ids=["list", "tuple", "bytes", "bytearray", "UMat", "dict"],
+    ids=["list", "tuple", "bytes", "bytearray", "UMat", "dict", "BytesIO"],
 )
 def test_what_is_no_array_is_told_how_to_become_one(given, message):
     with pytest.raises(ImageError, match=f"^image must be a numpy array, {message}"):
         DETECTOR.detect(given)
+
+
+def test_an_open_file_is_told_to_be_read(tmp_path):
+    """What the message says is a picture then."""
+    Image.fromarray(GREY).save(path := tmp_path / "a.png")
+    wanted = DETECTOR.corners(path).xy
+    with open(path, "rb") as image:
+        with pytest.raises(ImageError, match="not BufferedReader; read it: ") as caught:
+            DETECTOR.detect(image)
+        decode, pil = str(caught.value).split("read it: ")[1].split(", or ")
+        for way in (decode, pil.replace("PIL.", "")):
+            image.seek(0)
+            assert np.array_equal(DETECTOR.corners(eval(way)).xy, wanted)
 
 
 def test_the_drop_in_takes_them_too(tmp_path):

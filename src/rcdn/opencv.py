@@ -45,8 +45,9 @@ def detect_charuco(image: Any, board: Any) -> tuple[Array | None, Array | None]:
     The shapes are those of OpenCV 4. `board`: a `cv2.aruco.CharucoBoard`, of which the dictionary, size and ids are
     used, and the legacy flag where the picture leaves that open. The corners are already refined to sub-pixel accuracy;
     if the picture shows several such boards, they are those of the largest. Returns (None, None) if no part of the
-    board is identified with certainty. Raises ConfigError for another type of board, and for one whose markers are not
-    in any of OpenCV's dictionaries or are not numbered consecutively; ImageError for an unusable image.
+    board is identified with certainty; boards of 3 × 3 squares (2 × 2 corners) are not read. Raises ConfigError for
+    another type of board, and for one whose markers are not in any of OpenCV's dictionaries or are not numbered
+    consecutively; ImageError for an unusable image.
     """
     target = charuco_of(board)
     found = [b for b in _detector(target).boards(image) if b.ids is not None]

@@ -31,11 +31,12 @@ _HEAD = 32  # bytes that determine the format
 _BAGS = (".bag", ".db3", ".mcap")
 _GREY_MODES = ("1", "L", "I", "F", "I;16", "I;16L", "I;16B", "I;16N")  # of PIL
 _PIECE = 1 << 24  # bytes read at once
-_DECODE = "decode it first: cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)"
+_DECODE = "cv2.imdecode(np.frombuffer({}, np.uint8), cv2.IMREAD_UNCHANGED)"
+_FIRST = f"decode it first: {_DECODE.format('data')}"
 _TO_ARRAY = {
-    "bytes": _DECODE,
-    "bytearray": _DECODE,
-    "memoryview": _DECODE,
+    "bytes": _FIRST,
+    "bytearray": _FIRST,
+    "memoryview": _FIRST,
     "UMat": "copy it from the device first: umat.get()",
     "list": "give one picture a call, or np.asarray of rows of pixels",
     "tuple": "give one picture a call; cv2.VideoCapture.read returns (whether there is one, the picture)",
@@ -243,9 +244,10 @@ def _channels(image: Any, name: str) -> Array:
         raise ImageError(f"{name} is a path; read it first, with rcdn.read_image")
     if not isinstance(image, np.ndarray):
         kind = type(image).__name__
-        raise ImageError(
-            f"{name} must be a numpy array, not {kind}; {_TO_ARRAY.get(kind, 'convert it, e.g. with np.asarray')}"
-        )
+        how = _TO_ARRAY.get(kind, "convert it, e.g. with np.asarray")
+        if hasattr(image, "read"):  # an open file
+            how = f"read it: {_DECODE.format('image.read()')}, or PIL.Image.open(image)"
+        raise ImageError(f"{name} must be a numpy array, not {kind}; {how}")
     if np.ma.is_masked(image):
         raise ImageError(f"{name} has masked pixels; fill them first, e.g. with image.filled(0)")
     if image.ndim == 3 and image.shape[2] == 1:
