@@ -12,10 +12,6 @@ from rcdn.geometry.usable_lens import number_trouble
 from rcdn.types import Board, BoardShape, Calibration, Camera, Rig, RigCalibration, StereoCalibration
 from rcdn.types.ranges import SPACING, grid_size, in_words, is_spacing
 
-IN_SIDES = float("1")
-"""default of a pose's `spacing`, one side of a square: an object of its own, so that a spacing that was left out is
-told from one of 1 m"""
-
 
 def check_spacing(spacing: float) -> None:
     """Raise ConfigError unless `spacing` can be the side of a square."""
@@ -26,13 +22,18 @@ def check_spacing(spacing: float) -> None:
         )
 
 
-def check_scale(shape: BoardShape | None, spacing: float) -> None:
-    """Raise ConfigError if there is a `shape`, whose offsets are in metres, and `spacing` was left out."""
-    if isinstance(shape, BoardShape) and spacing is IN_SIDES:
+def side_of_square(spacing: float | None, shape: BoardShape | None) -> float:
+    """The side of a square in which a pose is: `spacing`, 1 if it is None. Raises ConfigError if it can be none, or if
+    there is a `shape`, whose offsets are in metres, and no spacing."""
+    if spacing is not None:
+        check_spacing(spacing)
+        return spacing
+    if shape is not None:
         raise ConfigError(
             "spacing must be given with a shape, whose offsets are in metres: that of the calibration, "
             "spacing=calibration.spacing"
         )
+    return 1.0
 
 
 def given_size(size: Any) -> tuple[int, int] | None:
@@ -55,13 +56,13 @@ def check_board(board: Any, name: str = "board") -> None:
         raise ConfigError(f"{name} must be a Board, as Detector.boards gives them, not {type(board).__name__}")
 
 
-def check_camera(camera: Any) -> None:
+def check_camera(camera: Any, name: str = "camera") -> None:
     """Raise ConfigError unless `camera` is a Camera with valid parameters."""
     if not isinstance(camera, Camera):
-        hint = "; give camera=calibration.camera" if isinstance(camera, Calibration) else ""
-        raise ConfigError(f"camera must be a Camera, not {type(camera).__name__}{hint}")
+        hint = f"; give {name}=calibration.camera" if isinstance(camera, Calibration) else ""
+        raise ConfigError(f"{name} must be a Camera, not {type(camera).__name__}{hint}")
     if trouble := number_trouble(camera):
-        raise ConfigError(f"camera.{trouble}")
+        raise ConfigError(f"{name}.{trouble}")
 
 
 def check_calibration(calibration: Any, name: str = "calibration") -> None:

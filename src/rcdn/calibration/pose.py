@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from rcdn.calibration import robust
-from rcdn.calibration.arguments import IN_SIDES, check_board, check_camera, check_scale, check_spacing
+from rcdn.calibration.arguments import check_board, check_camera, side_of_square
 from rcdn.calibration.bundle import Corners3, State, default_free, residuals
 from rcdn.calibration.coded import frame_of
 from rcdn.calibration.shape import KNOWN, on_shape
@@ -28,7 +28,7 @@ ASIDE = 0.1
 
 
 def estimate_pose(
-    board: Board, camera: Camera, spacing: float = IN_SIDES, *, shape: BoardShape | None = None
+    board: Board, camera: Camera, spacing: float | None = None, *, shape: BoardShape | None = None
 ) -> PoseEstimate:
     """`T_cam_board` of `board` under `camera`: the pose of its corner (0, 0), its columns (x), rows (y) and back (z).
 
@@ -42,8 +42,7 @@ def estimate_pose(
     Raises CalibrationError if fewer than 4 corners, or only corners in one line, have viewing rays, and ConfigError for
     a camera of another picture size than the board's, and for a `shape` without a `spacing`.
     """
-    check_spacing(spacing)
-    check_scale(shape, spacing)
+    side = side_of_square(spacing, shape)
     check_board(board)
     check_camera(camera)
     if tuple(board.image_size) != tuple(camera.image_size):
@@ -52,7 +51,7 @@ def estimate_pose(
             f"camera: its pictures have {wide}×{high} px, and the board's has {width}×{height}: give the camera that "
             "took the picture, at that size"
         )
-    corners, sigma = pose_corners(board, spacing, shape)
+    corners, sigma = pose_corners(board, side, shape)
     starts = _worth(camera, _starts(camera, corners), corners)
     fits = sorted((_fit(camera, T, corners, sigma) for T in starts), key=lambda f: (f.noise, f.scale))
     fits = [f for f in fits if not f.reasons[0]]
@@ -70,7 +69,7 @@ def estimate_pose(
         gaps,
         Pose(others[0].state.poses[0]) if others else None,
         bool(others and worse[0] < SURE * first.scale),
-        None if board.target is None else first.state.poses[0] @ frame_of(board.target, spacing),
+        None if board.target is None else first.state.poses[0] @ frame_of(board.target, side),
     )
 
 

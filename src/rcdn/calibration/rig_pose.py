@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from rcdn.calibration import robust
-from rcdn.calibration.arguments import IN_SIDES, check_board, check_by_camera, check_rig, check_scale, check_spacing
+from rcdn.calibration.arguments import check_board, check_by_camera, check_rig, side_of_square
 from rcdn.calibration.bundle import Corners3, State, default_free, residuals
 from rcdn.calibration.coded import frame_of, identity
 from rcdn.calibration.pose import estimate_pose, pose_corners
@@ -29,7 +29,7 @@ APART = "it sees the board elsewhere than the other cameras"
 
 
 def estimate_rig_pose(
-    boards: Mapping[str, Board], rig: Rig, spacing: float = IN_SIDES, *, shape: BoardShape | None = None
+    boards: Mapping[str, Board], rig: Rig, spacing: float | None = None, *, shape: BoardShape | None = None
 ) -> RigPoseEstimate:
     """`T_rig_board` of one board from its detections by the cameras of a rig at one moment.
 
@@ -41,8 +41,7 @@ def estimate_rig_pose(
     exact. Raises CalibrationError if no camera has a pose, RcdnError for a camera that is not in the rig,
     ConfigError for another wrong argument.
     """
-    check_spacing(spacing)
-    check_scale(shape, spacing)
+    side = side_of_square(spacing, shape)
     check_rig(rig)
     check_by_camera(boards, "boards", "the board that each camera saw,")
     if not boards:
@@ -55,7 +54,7 @@ def estimate_rig_pose(
                 f"{tuple(rig.cameras[rig.index(name)].image_size)}"
             )
     boards = _labelled_alike(boards)
-    sights, reasons = _sights(boards, rig, spacing, shape)
+    sights, reasons = _sights(boards, rig, side, shape)
     if not sights:
         raise CalibrationError("; ".join(f"{name}: {why}" for name, why in reasons.items()))
     first = max(sights, key=lambda name: len(boards[name]))
@@ -63,7 +62,7 @@ def estimate_rig_pose(
     for name in sights:
         if name not in best.turns:
             reasons[name] = PART if boards[name].size != boards[first].size and boards[name].target is None else APART
-    return _estimated(boards, rig, spacing, shape, best, reasons)
+    return _estimated(boards, rig, side, shape, best, reasons)
 
 
 def _labelled_alike(boards: Mapping[str, Board]) -> dict[str, Board]:
