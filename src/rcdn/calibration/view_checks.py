@@ -72,12 +72,13 @@ def picture_size(c: Calibration, facts: Facts) -> list[Reason]:
 def board_size(c: Calibration, facts: Facts) -> list[Reason]:
     """A board whose size was given wrongly, most often in squares instead of inner corners; no reason if a whole board
     was seen, or parts of different sizes."""
-    if c.size is None or any(v.settled and (v.target or sorted(box(v.ij)) == sorted(c.size)) for v in c.used_views):
+    used = c.used_views
+    if not used or c.size is None or any(v.settled and (v.target or sorted(box(v.ij)) == sorted(c.size)) for v in used):
         return []
-    boxes = Counter(tuple(sorted(box(v.ij))) for v in c.used_views)
+    boxes = Counter(tuple(sorted(box(v.ij))) for v in used)
     squares = tuple(sorted(n - 1 for n in c.size))
     seen, count = (squares, boxes[squares]) if squares in boxes else boxes.most_common(1)[0]
-    share = count / len(c.used_views)
+    share = count / len(used)
     smaller = all(a <= b for a, b in zip(seen, sorted(c.size), strict=True))
     if seen != squares and not (smaller and share > LIMITS["board_size"].fair):
         return []
