@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -236,3 +237,13 @@ def test_parts_of_unknown_size_may_be_of_a_target(read, told):
     assert (target_hint(BOARD, [read, ""]) is not None) == told
     assert target_hint("auto", [read]) is None
     assert target_hint(BOARD, []) is None
+
+
+def test_boards_of_the_other_layout_are_named():
+    legacy = Charuco(6, 4, "DICT_4X4_50", 0.75, legacy=True)
+    read = str(replace(legacy, legacy=False))
+    assert target_hint(legacy, [str(legacy)] * 3) is None
+    hint = target_hint(legacy, [str(legacy), read, read])
+    assert hint is not None
+    assert hint.startswith(f"2 of 3 boards are {read}, not {legacy}: correct the target's legacy")
+    assert target_hint(replace(legacy, inverted=True), [str(replace(legacy, legacy=False, inverted=True))]) is not None

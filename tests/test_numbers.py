@@ -177,3 +177,17 @@ def test_halves_of_pictures(title, solver):
     assert states(worst, max(ratios))
     assert states(within, float(np.mean([row["within 1"] for row in mine])))
     assert f" {ratio} of " in README or f"by {ratio} of those of OpenCV's solver" in README
+
+
+def test_patterns_that_are_no_boards():
+    record = json.loads((ROOT / "benchmarks/results/patterns.json").read_text())
+    (total,) = [row for row in record["rows"] if row["pattern"] == "all"]
+    page = (ROOT / "docs/results.md").read_text()
+    false, alone = re.search(r"A false board is found in (\d+) of (\d+)", page).groups()
+    whole, behind = re.search(r"corners is whole in (\d+) of (\d+)", page).groups()
+    assert [int(n) for n in (false, alone, whole, behind)] == [
+        total[name] for name in ("false board", "alone", "whole", "behind a board")
+    ]
+    assert int(re.search(r"(\d+) pictures of each of eight", page)[1]) == record["settings"]["count"]
+    assert len(record["rows"]) == 9
+    assert (total["wrong corners"], total["false beside"]) == (0, 0)

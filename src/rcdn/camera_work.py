@@ -12,6 +12,7 @@ import numpy as np
 from rcdn import geometry, io
 from rcdn.errors import ConfigError, ImageError
 from rcdn.geometry.flat_view import flat_camera
+from rcdn.geometry.inverse import before_fold
 from rcdn.geometry.resample import Undistortion, undistortion
 from rcdn.geometry.undistort import ray_test
 from rcdn.types import Array, Camera, Pose
@@ -20,7 +21,14 @@ from rcdn.types import Array, Camera, Pose
 def project(camera: Camera, points: Array, pose: Pose | None) -> Array:
     """See `Camera.project`."""
     points = points if pose is None else geometry.transform(pose, points)
-    return np.where(ray_test(camera)(camera, points)[..., None], geometry.project(camera, points), np.nan)
+    with np.errstate(all="ignore"):  # of points without a ray
+        return np.where(_seen(camera, points)[..., None], geometry.project(camera, points), np.nan)
+
+
+def _seen(camera: Camera, points: Array) -> Array:
+    """(...,) bool: whether the pixels of points (..., 3) see them, and don't lie beyond a fold of the lens."""
+    plain = camera.correction is None and camera.model != "division"
+    return (before_fold if plain else ray_test(camera))(camera, points)
 
 
 def unproject(camera: Camera, xy: Array) -> Array:

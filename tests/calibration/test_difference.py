@@ -134,5 +134,6 @@ def test_a_covariance_that_rounding_makes_negative_is_one_and_no_other():
     held = np.zeros((41, 41))
     held[:40, :40] = rounded
     assert not _half(held)[40].any()
-    with pytest.raises(CalibrationError, match="negative variances"):
-        _half(with_least(-1e-3))
+    for wrong in (with_least(-1e-3), np.diag([1, -1e-20, 2]), np.diag([1, np.inf]), np.full((3, 3), np.nan)):
+        with pytest.raises(CalibrationError, match="negative or infinite variances"):
+            _half(wrong)

@@ -215,6 +215,15 @@ def test_a_board_that_is_never_seen_is_noticed(size):
     assert ("6×9" if size == (6, 10) else "9×6") in against.action
 
 
+def test_one_view_that_is_a_row_and_a_column_smaller_names_no_board():
+    boards, _ = random_boards(BROWN, 3, 12, whole=True)
+    inside = (boards[0].ij < [8, 6]).all(axis=1)
+    boards[0] = board(boards[0].ij[inside], boards[0].xy[inside], boards[0].image_size)
+    verdict = calibrate(boards, SPACING, model="brown", size=(9, 7)).verdict
+    (against,) = [r for r in verdict.against if r.key == "board_size"]
+    assert "92% show exactly 9×6" in against.sentence
+
+
 def test_parts_of_a_large_board_are_no_other_board():
     boards, _ = random_boards(BROWN, 3, 12, whole=True)
     inside = [(b.ij < [4 + k % 5, 3 + k % 3]).all(axis=1) for k, b in enumerate(boards)]

@@ -74,6 +74,19 @@ def test_the_other_layout_is_read_and_named(size, printed):
         assert np.abs(board.xy - xy[board.ids]).max() < 0.2  # the codes are part of the fit: those that are there
 
 
+@pytest.mark.parametrize(("legacy", "columns"), [(False, slice(300, None)), (True, slice(0, 340))])
+def test_a_side_that_is_seen_to_end_tells_the_layout(legacy, columns):
+    """Cut on the other side, boards of odd columns and even rows have the markers of the other layout, moved by a
+    column."""
+    drawing = charuco(5, 6, "DICT_4X4_50", legacy=legacy)
+    image, xy = seen(drawing, noise=2)
+    detector = Detector(DetectorConfig(target=Charuco(5, 6, "DICT_4X4_50", 0.75, legacy=not legacy)))
+    (board,) = detector.boards(image[:, columns].copy())
+    assert 8 <= len(board) < len(xy)
+    assert board.target.legacy == legacy
+    assert np.abs(board.xy + [columns.start, 0] - xy[board.ids]).max() < 0.2
+
+
 def test_smaller_parts_are_certain_than_of_any_target():
     """What competes is the places of one board, not all boards; and no part gets a wrong number."""
     given = Charuco(8, 6, "DICT_4X4_50", 0.75)

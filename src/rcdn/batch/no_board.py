@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from rcdn.batch.inputs import Gathered
     from rcdn.types import Target
 
+OTHER_LAYOUT = (
+    "{} of {} are {}, not {}: correct the target's legacy, since of boards that are cut the layout may not be seen"
+)
 EXAMINED = 3
 """The largest number of pictures that are searched for single markers."""
 
@@ -47,16 +50,24 @@ def target_hint(wanted: str | Target, found: Iterable[str]) -> str | None:
     the targets of all boards as text, "" for those without codes."""
     texts = list(found)
     kind = str(wanted)
-    if isinstance(wanted, str) or not texts or any(_may_be(text, kind) for text in texts):
+    if isinstance(wanted, str) or not texts:
         return None
+    if same := [text for text in texts if _may_be(text, kind)]:
+        other = [text for text in same if _legacy(text) != _legacy(kind) and "?" not in text]
+        return OTHER_LAYOUT.format(len(other), many(len(texts), "board"), other[0], kind) if other else None
     others = ", ".join(sorted({text for text in texts if text}))
     seen = f"they are {others}" if others else "`--target auto` tells what they are, if they carry codes"
     return f"of {many(len(texts), 'board')} none carries the codes of {kind}; {seen}"
 
 
+def _legacy(text: str) -> bool:
+    return "legacy" in text.split()
+
+
 def _may_be(text: str, kind: str) -> bool:
-    """Whether a board read as `text` may be of the target `kind`: a part of a board has unknown sides, `8x?`."""
-    words = zip(text.split(), kind.split(), strict=False)
+    """Whether a board read as `text` may be of the target `kind`: a part of a board has unknown sides, `8x?`. Which
+    layout a ChArUco board has doesn't count."""
+    words = zip(*([word for word in t.split() if word != "legacy"] for t in (text, kind)), strict=False)
     return bool(text) and all(fnmatchcase(word, read.replace("?", "*")) for read, word in words)
 
 

@@ -238,9 +238,12 @@ def _fixed_jacobian(a: Camera, b: Camera, turn: Array, pixels: Array) -> tuple[A
 def _half(cov: Array) -> Array:
     """A matrix H with H Hᵀ = `cov`, a covariance up to rounding: smooth corrections have hundreds of parameters, some
     of which are nearly functions of others."""
+    wrong = CalibrationError("the covariance of a calibration has negative or infinite variances: calibrate again")
+    if not (np.isfinite(cov).all() and (np.diag(cov) >= 0).all()):
+        raise wrong
     size = np.sqrt(np.diag(cov))
     size[size == 0] = 1  # held parameters
     variance, directions = np.linalg.eigh(cov / size[:, None] / size)
     if not variance[0] >= -ROUNDED * len(cov):
-        raise CalibrationError("the covariance of a calibration has negative variances: calibrate again")
+        raise wrong
     return np.asarray(size[:, None] * directions * np.sqrt(np.maximum(variance, 0)))

@@ -77,7 +77,9 @@ def board_size(c: Calibration, facts: Facts) -> list[Reason]:
         return []
     boxes = Counter(tuple(sorted(box(v.ij))) for v in used)
     squares = tuple(sorted(n - 1 for n in c.size))
-    seen, count = (squares, boxes[squares]) if squares in boxes else boxes.most_common(1)[0]
+    seen, count = boxes.most_common(1)[0]
+    if count <= boxes[squares]:
+        seen, count = squares, boxes[squares]
     share = count / len(used)
     smaller = all(a <= b for a, b in zip(seen, sorted(c.size), strict=True))
     if seen != squares and not (smaller and share > LIMITS["board_size"].fair):

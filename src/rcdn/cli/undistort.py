@@ -31,10 +31,11 @@ CAMERA_FILE = "undistorted-camera.yaml"
 
 @dataclass
 class _Run:
-    """The state of a run: pictures written, failures reported, and whether Ctrl-C ended it; `first_written` is called
-    when the first picture is."""
+    """The state of a run: pictures written, failures reported, and whether Ctrl-C ended it; `write_flat` writes the
+    camera of the pictures, once the first of them is there: `has_camera` says whether it did."""
 
-    first_written: Callable[[], None]
+    write_flat: Callable[[], None]
+    has_camera: bool = False
     written: int = 0
     failed: int = 0
     unwritten: int = 0
@@ -195,8 +196,9 @@ def _undistort_one(run: _Run, picture: Source, make: Undistortion, bar: Bar) -> 
         pixels = make(picture.pixels)
         write_image(run.places.take(picture.place, str(pixels.dtype)), pixels, mark="rcdn undistorted")
         run.written += 1
-        if run.written == 1:
-            run.first_written()
+        if not run.has_camera:
+            run.write_flat()
+            run.has_camera = True
     except OutputError as error:
         run.unwritten += 1
         if run.unwritten == 1:  # only the first: a full disk would give one line each
@@ -211,7 +213,7 @@ def _finish(run: _Run, make: Undistortion, out: Path) -> None:
     """Print what was done, and set the exit code."""
     width, height = make.flat.image_size
     line = f"{many(run.written, 'picture')} of {width}×{height} px, f {make.flat.K[0, 0]:.2f} px, in {out}"
-    if run.written:
+    if run.has_camera:
         line += f"; their camera: {out / CAMERA_FILE}"
     if run.unwritten > 1:
         print_error(f"{run.unwritten} pictures could not be written")

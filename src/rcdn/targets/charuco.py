@@ -123,7 +123,8 @@ def read_charuco(
     sides.
     """
     if given is not None:
-        return _place([s for m in markers for s in _promising(m, np.ones((len(m.families), 4), bool))], given)
+        scored = [s for m in markers for s in _promising(m, np.ones((len(m.families), 4), bool))]
+        return _place(scored, given, markers[0].squares.marked.shape, ended) if scored else None
     scored = [s for m in markers for s in _promising(m, m.bounds >= ACCEPT - MARGIN) if s.hope > ACCEPT]
     if not scored:
         return None
@@ -188,7 +189,7 @@ def _best(scored: list[_Scores], shape: tuple[int, ...], ends: Array | None, end
     whole = _likeliest(scored, shape, ends, ended, any_first=True)
     from_0 = bool(zero_based) and (not whole or zero_based[0].bits >= whole[0].bits)
     layouts = zero_based if from_0 else sorted(whole + zero_based[:1], key=lambda x: -x.bits)
-    if not layouts or layouts[0].bits < ACCEPT or _against(layouts[0], shape, ended):
+    if not layouts or layouts[0].bits < ACCEPT or _against(layouts[0], layouts[0].columns, shape, ended):
         return None
     if not from_0 and (ends is None or not _seen_whole(np.rot90(ended, layouts[0].turns))):
         return None
@@ -203,12 +204,19 @@ def _seen_whole(ended: Array) -> bool:
     return bool(ended[0, 1] and ended[1, 0] and ended[1, 2])
 
 
-def _place(scored: list[_Scores], given: Charuco) -> Reading | None:
+def _place(
+    scored: list[_Scores], given: Charuco, shape: tuple[int, ...], ended: Callable[[float], Array] | None
+) -> Reading | None:
     """The likeliest position on the `given` board, or, where that explains more by `MARGIN`, on the same one of the
-    other layout (legacy or not): few know which of them is theirs."""
+    other layout (legacy or not): few know which of them is theirs. Moved by a column, both may explain the same
+    markers; sides at which the board is seen to end then decide."""
     usable = [s for s in scored if (s.appearance.white < 0) == given.inverted]
     own, other = (_place_on(usable, board) for board in (given, replace(given, legacy=not given.legacy)))
-    return other if other is not None and other.bits > (MARGIN + own.bits if own is not None else 0) else own
+    if own is None or other is None:
+        return own or other
+    sides = np.zeros((3, 3), bool) if ended is None else ended(abs(usable[0].appearance.white))
+    bits = [r.bits - ENDED * _against(r, given.columns, shape, sides) for r in (own, other)]
+    return other if bits[1] > bits[0] + MARGIN else own
 
 
 def _place_on(scored: list[_Scores], given: Charuco) -> Reading | None:
@@ -240,15 +248,15 @@ def _likeliest(
 
 
 def _weighed(layout: _Layout, shape: tuple[int, ...], ended: Array) -> _Layout:
-    return replace(layout, bits=layout.bits - ENDED * _against(layout, shape, ended))
+    return replace(layout, bits=layout.bits - ENDED * _against(layout, layout.columns, shape, ended))
 
 
-def _against(layout: _Layout, shape: tuple[int, ...], ended: Array) -> int:
-    """The number of sides on which the board is seen to end (`ended`) with the squares of `shape` (R, C), but doesn't
-    according to the layout."""
-    sides, (u, v) = np.rot90(ended, layout.turns), layout.place
-    width = shape[1 - layout.turns % 2]
-    return int(sides[0, 1] and v != 0) + int(sides[1, 0] and u != 0) + int(sides[1, 2] and u + width != layout.columns)
+def _against(at: _Layout | Reading, columns: int, shape: tuple[int, ...], ended: Array) -> int:
+    """The number of sides on which a board of so many `columns` is seen to end (`ended`) with the squares of `shape`
+    (R, C), but doesn't according to the turns and the place of these squares `at` which it is taken to be."""
+    sides, (u, v) = np.rot90(ended, at.turns), at.place
+    width = shape[1 - at.turns % 2]
+    return int(sides[0, 1] and v != 0) + int(sides[1, 0] and u != 0) + int(sides[1, 2] and u + width != columns)
 
 
 def _rows(layout: _Layout, ends: Array | None) -> int | None:

@@ -84,7 +84,7 @@ def _markers(
     squares = wide[1:-1, 1:-1]
     lifted = squares - _dark(squares, marked, inner)[:, :, None, None]
     markers = markers_of(lifted, marked, inner, aspect_of(grid), given)
-    ended = partial(ended_sides, wide, marked) if given is None else None
+    ended = partial(ended_sides, wide, marked)
     reading = read_charuco(markers, given, None if part else ends_of(lifted, inner), ended)
     return reading, markers
 
