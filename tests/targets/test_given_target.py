@@ -84,7 +84,7 @@ def test_a_side_that_is_seen_to_end_tells_the_layout(legacy, columns):
     (board,) = detector.boards(image[:, columns].copy())
     assert 8 <= len(board) < len(xy)
     assert board.target.legacy == legacy
-    assert np.abs(board.xy + [columns.start, 0] - xy[board.ids]).max() < 0.2
+    assert np.abs(board.xy + np.array([columns.start, 0]) - xy[board.ids]).max() < 0.2
 
 
 def test_smaller_parts_are_certain_than_of_any_target():
