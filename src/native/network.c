@@ -82,7 +82,7 @@ INLINE floats chosen(ints first, floats one, floats other) {
 
 /* 1 / (1 + exp(−x)), error below 1e-6. */
 INLINE floats sigmoid(floats x) {
-    const floats most = x - x + 80;
+    const floats most = (floats){0} + 80;
     x = chosen(x > -most, x, -most);
     const floats t = chosen(x < most, x, most) * -1.44269504f;
     const ints whole = __builtin_convertvector(t, ints);

@@ -13,7 +13,8 @@
  * bytes (VNNI; SDOT). */
 enum { PLAIN, VECTORS, BEST };
 
-/* Weights of a convolution: (tap, group of inputs, output, input), and as `pairs` (tap, pair of inputs, output, input);
+/* Weights of a convolution: (tap, group of inputs, output, input), as `pairs` (tap, pair of inputs, output, input), and
+ * as `points` (see `transformed`);
  * `centre`: 128 × the sum of each output's weights, to be added where inputs have 128 subtracted; scale and bias
  * that turn sums into the next inputs. */
 typedef struct {

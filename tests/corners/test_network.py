@@ -111,6 +111,16 @@ def test_vector_instructions_hold_the_largest_sums(sign):
         assert network(grey, cells, 1, instructions).tobytes() == known.tobytes()
 
 
+@pytest.mark.parametrize("instructions", [0, 1, 2])
+def test_an_argument_beyond_all_floats_is_a_response_of_0_or_1(instructions):
+    reals = [np.zeros(26 * 16), *[np.ones(64)] * 6, np.full(16, 3e38), np.zeros(16)]
+    last = np.tile([127.0, -127.0], (32, 8))
+    network = CellNetwork(np.concatenate([*reals, last.ravel()]).astype(np.float32), np.ones(50688, np.int8))
+    found = network(np.full((8, 8), 90, np.uint8), np.ones((2, 2), bool), 1, instructions)
+    assert (found[:, ::2] == 1).all()
+    assert (found[:, 1::2] < 1e-30).all()
+
+
 @pytest.mark.parametrize("instructions", [0, 1])
 def test_marked_cells_are_computed_alike_without_vector_instructions(auto, instructions):
     grey = crop(3)
