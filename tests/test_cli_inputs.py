@@ -129,6 +129,20 @@ def test_what_a_file_read_twice_is_warned_of_is_printed_once_a_command(home, cap
     assert both[0].count("warning: much.png") == both[0].count("error: text.png") == 1
 
 
+def test_warnings_of_many_pictures_are_printed_thrice_and_then_counted(run, home, capsys):
+    for k in range(6):
+        picture(Path(f"in/{k}.png"), missing=LIMITED)
+    lines = [f"warning: in/{k}.png: too many; far too many" for k in range(3)]
+    lines.append("warning: 3 more pictures: too many; far too many")
+    result = run("in", "--json", "out.json")
+    assert result.stderr.splitlines() == lines
+    assert [i.warnings for i in read_detections("out.json")[0]] == 6 * [LIMIT]
+    console.begin()
+    gather("in")
+    gather("in")  # a second reading adds nothing to the count
+    assert capsys.readouterr().err.splitlines() == lines
+
+
 # ---- processes
 
 

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 from rcdn.batch import pool
 from rcdn.batch.cache import Cache, file_digest
 from rcdn.batch.paths import expanded
-from rcdn.batch.summary import warning_text
 from rcdn.batch.work import (
     Failure,
     Picture,
@@ -29,6 +28,7 @@ from rcdn.batch.work import (
 from rcdn.errors import ConfigError, ImageError, many
 from rcdn.terminal.console import first_time
 from rcdn.terminal.group import print_error
+from rcdn.terminal.picture_warnings import PictureWarnings
 from rcdn.terminal.progress import Bar, progress
 
 if TYPE_CHECKING:
@@ -160,6 +160,7 @@ class _Run:
             return
         with (
             progress(len(self.paths)) as bar,
+            closing(PictureWarnings(bar.warn)) as warnings,
             closing(in_thread(lambda: self._pictures(jobs == 1, work.cache, bar))) as pictures,
             closing(pool.compute(pictures, work, jobs)) as results,
         ):
@@ -171,8 +172,7 @@ class _Run:
                         continue
                     self._images[done.index].append(outcome)
                     aloud = [w for w in outcome.warnings if not (self._silent and w.startswith(self._silent))]
-                    if aloud and first_time(text := warning_text(outcome.path, aloud)):
-                        bar.warn(text)
+                    warnings.add(outcome.path, aloud)
         if work.cache is not None:
             work.cache.prune()
 

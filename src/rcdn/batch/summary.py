@@ -55,11 +55,6 @@ def brief(result: ImageResult, lines: bool = False) -> Brief:
     return Brief(result.path, len(result.corners), boards, image_line(result) if lines else "", result.warnings)
 
 
-def warning_text(path: str, warnings: Sequence[str]) -> str:
-    """The warnings of a picture as one line."""
-    return f"{path}: {'; '.join(warnings)}"
-
-
 def size_text(size: Size) -> str:
     """The size as text, such as `9×6`."""
     return f"{size[0]}×{size[1]}"

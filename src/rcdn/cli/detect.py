@@ -27,6 +27,7 @@ from rcdn.terminal import console
 from rcdn.terminal.console import Quiet
 from rcdn.terminal.group import FAILED, INTERRUPTED, WRONG_USE, print_error, print_stopped
 from rcdn.terminal.options import GridSize, Jobs, MaxMegapixels, Pattern, PatternName, parse_folder, parse_size
+from rcdn.terminal.picture_warnings import PictureWarnings
 from rcdn.terminal.progress import progress
 from rcdn.terminal.target import DEFAULT, Target
 
@@ -275,6 +276,7 @@ def _detect_all(run: _Run, paths: Sequence[Path], work: Work, team: _Team, overl
     try:
         with (
             progress(len(paths)) as bar,
+            closing(PictureWarnings(bar.warn)) as warnings,
             closing(read_ahead(paths, decode=team.alone, cache=work.cache)) as pictures,
             closing(team.compute((_placed(p, overlay, names) for p in pictures), work, team.jobs)) as results,
         ):
@@ -284,8 +286,8 @@ def _detect_all(run: _Run, paths: Sequence[Path], work: Work, team: _Team, overl
                     run.add(outcome)
                     if isinstance(outcome, Failure):
                         bar.print_error(outcome.message)
-                    elif outcome.warnings:
-                        bar.warn(summary.warning_text(outcome.path, outcome.warnings))
+                    else:
+                        warnings.add(outcome.path, outcome.warnings)
                 if done.unwritten is not None:
                     run.undrawn += 1
                     if run.undrawn == 1:  # only the first: a full disk would give one line per picture
