@@ -70,7 +70,7 @@ class Camera:
 
 CAMERAS = (
     Camera(), Camera(exposure=2.5), Camera(exposure=1.8, bloom=2.0), Camera(gamma=0.45), Camera(gamma=2.2),
-    Camera(sharpened=1.5), Camera(cover=True),
+    Camera(sharpened=1.5), Camera(sharpened=4.0), Camera(exposure=2.5, sharpened=2.0), Camera(cover=True),
 )  # fmt: skip
 
 
@@ -89,6 +89,20 @@ def test_a_circle_grid_is_no_board_but_told(asymmetric, radius, inverted):
         assert found.boards == []
         count += any(text.startswith("not supported: a circle grid") for text in found.warnings)
     assert count >= 4  # in the others no lattice of gaps was found to begin with
+
+
+@pytest.mark.parametrize("asymmetric", [False, True])
+def test_a_sharpened_circle_grid_is_none_either(asymmetric):
+    """Sharpening draws a rim around each disc, which no model of a disc has."""
+    camera, told = Camera(exposure=2.0, sharpened=2.0), 0
+    for k, radius in enumerate((0.3, 0.35, 0.4)):
+        drawing = circles(*((4, 11) if asymmetric else (9, 7)), radius, asymmetric)
+        for blur in (0.6, 1.5):
+            image, _ = seen(drawing, seed=k, blur=blur, noise=3, tilt=0.4)
+            found = DETECTOR.detect(camera(image))
+            assert found.boards == [], (radius, blur)
+            told += any(text.startswith("not supported: a circle grid") for text in found.warnings)
+    assert told >= 4
 
 
 @pytest.mark.parametrize("camera", CAMERAS, ids=str)

@@ -40,6 +40,8 @@ SHARE, ROUND, STRAIGHT = 0.3, 0.04, 0.004
 """thresholds of the variance left unexplained: by discs or holes, at most SHARE of what the checkerboard leaves and at
 most ROUND of the total; by the checkerboard, at least STRAIGHT of the total, since under a wide blur all models are the
 same"""
+SHARPENED = (0.7, 0.3, 0.05)
+"""the same for discs in pictures that the camera has sharpened, which draws a rim around each: no model has it"""
 
 Other = Literal["circles", "mesh"]
 OTHERS: tuple[Other, ...] = ("circles", "mesh")
@@ -57,9 +59,10 @@ def other_pattern(samples: CornerSamples) -> Other | None:
     circles, mesh = (
         min(_unexplained(_models(other), square), _unexplained(_models(other), inverse)) for other in OTHERS
     )
-    if min(circles, mesh) > min(SHARE * straight, ROUND):
-        return None
-    return "circles" if circles <= mesh else "mesh"
+    if min(circles, mesh) <= min(SHARE * straight, ROUND):
+        return "circles" if circles <= mesh else "mesh"
+    share, most, least = SHARPENED
+    return "circles" if straight >= least and circles <= min(share * straight, most) else None
 
 
 def _median_square(samples: CornerSamples) -> Array:
