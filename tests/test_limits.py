@@ -77,6 +77,13 @@ def test_pieces_that_take_too_many_rounds_are_told(detector):
     assert any("too many rounds" in text for text in found.warnings)
 
 
+def test_a_whole_board_is_not_said_to_lack_corners(detector, monkeypatch):
+    monkeypatch.setattr(import_module("rcdn.boards"), "GROWN", (0, 0))
+    found = detector.detect(checkers.board((640, 480), 30, 0.05))
+    assert found.boards[0].complete
+    assert found.warnings == ()
+
+
 @pytest.mark.parametrize("image", [checkers.holed((300, 300), 8, 30, 60), checkers.flipped((300, 300), 10, 0.05, 4)])
 def test_a_grid_asks_only_near_what_was_added_and_grows_as_if_it_asked_everywhere(detector, monkeypatch, image):
     some = detector.detect(image)

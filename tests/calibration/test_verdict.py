@@ -136,6 +136,13 @@ def test_each_weakness_is_said(good, case):
     assert any(against.sentence in line for line in judged(weak).advice)
 
 
+def test_a_simpler_lens_is_advised_only_where_none_was_tried(good):
+    asked = with_model(good, 1.5)
+    tried = replace(asked, models=(*asked.models, replace(asked.models[0], model="brown5")))
+    assert "a simpler lens model" in found(asked, "held_out").action
+    assert "lens model" not in found(tried, "held_out").action
+
+
 def test_views_of_which_half_are_rougher_are_said(good):
     views = tuple(replace(v, residuals=v.residuals * (6 if k % 2 else 1)) for k, v in enumerate(good.views))
     assert found(replace(good, views=views), "uneven").level == "unsure"

@@ -72,7 +72,7 @@ def find_boards(
     for grid in largest(merged, allowed(grey.size, *BOARDS), "boards", warnings):
         # A piece that was not merged has been completed before: a second time changes nothing if it is full, or if
         # its last completion changed nothing and no peak has been evaluated since.
-        alone = id(grid) in whole
+        alone, late = id(grid) in whole, field.rounds[0] >= allowed(grey.size, *GROWN)
         if not (alone and (is_full(grid) or unchanged.get(grid) == field.unevaluated)):
             _finish(field, grid, free)
         if believable(grid, least, scale) and plain(grid, field.response, typical):
@@ -89,9 +89,9 @@ def find_boards(
             sharp = distinct(grid, field.grey) or has_rims(grid, field)
             if sharp and not (skips_lines(grid, field) or is_striped(grid, field)):
                 boards.append(as_board(field, candidates, grid))
+                if late and not is_full(grid):
+                    warnings.add("growth", "boards take too many rounds to complete; some may lack corners")
     boards += [as_board(field, candidates, Grid(at, field.xy), TAGS, 0) for at in lattices]
-    if field.rounds[0] >= allowed(grey.size, *GROWN):
-        warnings.add("growth", "pieces of boards take too many rounds to complete; some were left as they were")
     return sorted(boards, key=lambda b: (-len(b), *b.xy[0]))
 
 

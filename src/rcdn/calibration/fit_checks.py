@@ -89,13 +89,14 @@ def held_out(c: Calibration, facts: Facts) -> list[Reason]:
                 level="fair",
             )
         ]  # fmt: skip
+    simpler = ", or a simpler lens model" if len(c.models) == 1 else ""  # of several, one is chosen
     return [
         reason(
             "held_out", ratio,
             f"Pictures held out of the calibration fit {ratio:.2f} times the RMS: it does as well in new ones.",
             f"Pictures held out of the calibration fit {ratio:.1f} times worse than those in it: there are too few "
             "different views for this lens model.",
-            "Take more pictures, with more variety, or a simpler lens model.",
+            f"Take more pictures, with more variety{simpler}.",
         )
     ]  # fmt: skip
 
