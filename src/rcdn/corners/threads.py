@@ -13,7 +13,8 @@ from weakref import WeakSet
 from rcdn import interrupts
 
 Item = TypeVar("Item")
-MOST_THREADS = max(64, os.cpu_count() or 1)
+CORES = os.cpu_count() or 1  # asked once: the answer takes as long as a small kernel
+MOST_THREADS = max(64, CORES)
 """largest number of threads in a pool; they are started only when there is work for them"""
 
 
