@@ -9,6 +9,7 @@ import pytest
 
 from rcdn.calibration import calibrate, choose
 from rcdn.calibration.bundle import Corners3, State, default_free
+from rcdn.calibration.difference import difference
 from rcdn.types import Camera
 from rcdn_lab.camera_scenes import CAMERAS, SPACING, random_boards
 
@@ -102,6 +103,18 @@ def test_auto_compares_a_model_whose_noise_does_not_vanish():
     """Outliers make one model's noise vanish before another's: that alone mustn't rule a model out."""
     found = calibrate(random_boards(CAMERAS["pinhole"], 1, 12, 0.2, 0.05)[0], SPACING)
     assert found.camera.model == "pinhole"
+
+
+def test_a_lens_without_rays_at_the_rim_is_better_than_one_of_another_kind():
+    """In the middle of a fisheye's frame every bent lens fits, and may fold beyond; `pinhole` has rays everywhere, and
+    twice the error."""
+    boards, _ = random_boards(CAMERAS["fisheye"], 1, 20, 0.3, whole=True)
+    found = calibrate(boards, SPACING)
+    errors = {m.model: m.rms for m in found.models}
+    assert found.rms < 0.6 * errors["pinhole"]
+    seen = np.concatenate([b.xy for b in boards])
+    assert difference(found.camera, CAMERAS["fisheye"], seen)[0].max() < 2
+    assert "no rays" in found.verdict.against[0].sentence
 
 
 def test_with_three_pictures_nothing_is_held_out_and_a_bent_lens_is_brown():
