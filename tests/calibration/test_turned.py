@@ -1,4 +1,4 @@
-"""Pictures that were turned by 180° among others are named; pictures of one camera as they are are not."""
+"""Pictures that were turned by 180° or mirrored among others are named; pictures of one camera as they are are not."""
 
 from dataclasses import replace
 
@@ -16,18 +16,26 @@ FISHEYE = Camera(
 )
 
 
-def off_centre(model):
+def off_centre(model, by=(14, -9)):
     """A camera of the scenes, its principal point off the middle of the picture."""
     camera = CAMERAS[model]
     middle = (np.array(camera.image_size) - 1) / 2
-    there = middle + np.array([14, -9])
+    there = middle + np.array(by)
     return camera.with_parameters(np.concatenate([camera.parameters[:2], there, camera.parameters[4:]]))
 
 
-def taken(camera, seed, turned=(), count=14):
-    """A calibration from whole boards, some of their pictures turned, and the names of these."""
+def flipped(board, way):
+    """The board in a picture that is turned, or mirrored `left to right` or `top to bottom`: as a detector labels it
+    there, with the same colour in its first square."""
+    there = {"turned": (True, True), "left to right": (True, False), "top to bottom": (False, True)}[way]
+    ij = board.ij if way == "turned" else board.ij * [1, -1] + [0, 5]
+    return replace(board, xy=np.where(there, np.array(board.image_size) - 1.0 - board.xy, board.xy), ij=ij)
+
+
+def taken(camera, seed, turned=(), count=14, way="turned"):
+    """A calibration from whole boards, some of their pictures turned or mirrored, and the names of these."""
     boards = random_boards(camera, seed, count, noise=NOISE, whole=True)[0]
-    boards = [replace(b, xy=np.array(b.image_size) - 1.0 - b.xy) if k in turned else b for k, b in enumerate(boards)]
+    boards = [flipped(b, way) if k in turned else b for k, b in enumerate(boards)]
     names = [f"{k:02}.png" for k in range(len(boards))]
     model = "fisheye" if camera.model == "fisheye" else "auto"
     return calibrate(boards, SPACING, names=names, model=model), {names[k] for k in turned}
@@ -45,6 +53,26 @@ def test_turned_pictures_are_named(model, turned):
     (told, *_) = done.verdict.against
     assert "turned by 180°" in told.sentence
     assert all(name in told.sentence for name in names)
+
+
+@pytest.mark.parametrize("way", ["left to right", "top to bottom"])
+@pytest.mark.parametrize(("model", "some"), [("pinhole", (2, 9)), ("brown", (1, 3, 5, 7, 9, 11))])
+def test_mirrored_pictures_are_named_as_such(model, some, way):
+    done, names = taken(off_centre(model, (30, 20)), 1, some, way=way)
+    (told, *_) = done.verdict.against
+    assert f"mirrored {way} against" in told.sentence
+    assert "turned" not in told.sentence
+    assert told.action.startswith("Mirror them back")
+    assert set(turned_pictures(done).names) == names
+
+
+def test_mirrored_pictures_may_be_turned_ones_where_the_principal_point_is_in_the_middle_of_a_column():
+    done, names = taken(off_centre("pinhole", (14, 0)), 0, (1, 4, 7, 10), way="left to right")
+    found = turned_pictures(done)
+    assert set(found.names) == names
+    assert {change.done for change in found.changes} == {"turned by 180°", "mirrored left to right"}
+    assert all(change.done in found.finding for change in found.changes)
+    assert found.remedy.startswith("Look which it is")
 
 
 def test_turned_pictures_of_a_fisheye_are_named():

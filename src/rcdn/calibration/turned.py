@@ -1,7 +1,9 @@
-"""Pictures that were turned by 180° before they got here, as photo programs and camera mounts do.
+"""Pictures that were turned by 180° or mirrored before they got here, as photo programs, camera mounts and the selfie
+mode do.
 
-A turned picture has its principal point on the other side of the picture's middle; nothing else of a camera without
-tangential distortion tells it. One camera for all of them has its principal point between both, with a small deviation.
+A turned picture has its principal point on the other side of the picture's middle, a mirrored one in one direction
+only; nothing else of a camera without tangential distortion tells it, for a mirrored checkerboard is a checkerboard.
+One camera for all of them has its principal point between both, with a small deviation.
 """
 
 from __future__ import annotations
@@ -12,7 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rcdn.calibration import robust
-from rcdn.calibration.apart import apart_by, calibrate_apart
+from rcdn.calibration.apart import CameraGroup, apart_by, calibrate_apart
+from rcdn.calibration.board_points import plane_of, side_of
 from rcdn.calibration.bundle import default_free
 from rcdn.calibration.influence import (
     LEAST_SCATTER,
@@ -46,11 +49,35 @@ LISTED = 6
 """names of pictures in the finding"""
 
 
+@dataclass(frozen=True)
+class Change:
+    """How pictures differ from the others, `done` and with what remedy, `undo`; `flipped`: which of x and y run the
+    other way."""
+
+    done: str
+    undo: str
+    flipped: tuple[bool, bool]
+
+    @property
+    def mirrors(self) -> bool:
+        """Whether it takes right for left."""
+        return self.flipped[0] != self.flipped[1]
+
+
+CHANGES = (
+    Change("turned by 180°", "turned back", (True, True)),
+    Change("mirrored left to right", "mirrored back", (True, False)),
+    Change("mirrored top to bottom", "mirrored back", (False, True)),
+)
+
+
 @dataclass(frozen=True, eq=False)
 class TurnedPictures:
-    """Pictures `names` that are turned against all others. With these turned back, the RMS is `rms` instead of
-    `before`, px, and the camera differs by `difference`, px RMS over the picture after the best rotation."""
+    """Pictures `names` that underwent one of the `changes`, the most likely one first, against all others. With these
+    as the others, the RMS is `rms` instead of `before`, px, and the camera differs by `difference`, px RMS over the
+    picture after the best rotation."""
 
+    changes: tuple[Change, ...]
     names: tuple[str, ...]
     rms: float
     before: float
@@ -58,41 +85,86 @@ class TurnedPictures:
 
     @property
     def finding(self) -> str:
-        """Which pictures are turned."""
+        """Which pictures are turned or mirrored."""
         more = ", …" if len(self.names) > LISTED else ""
         some = ", ".join(self.names[:LISTED]) + more
+        done = " or ".join(change.done for change in self.changes)
+        undo = " or ".join(dict.fromkeys(change.undo for change in self.changes))
         return (
-            f"Some pictures are turned by 180° against the others ({len(self.names)}: {some}): with these turned back, "
+            f"Some pictures are {done} against the others ({len(self.names)}: {some}): with these {undo}, "
             f"the RMS is {self.rms:.2g} px instead of {self.before:.2g}."
         )
 
-
-REMEDY = "Turn them back, as the sensor had them, or leave them out (--leave-out)."
+    @property
+    def remedy(self) -> str:
+        """What to do with them."""
+        if len(self.changes) > 1:
+            return "Look which it is, and make them as the sensor had them, or leave them out (--leave-out)."
+        verb = "Mirror" if self.changes[0].mirrors else "Turn"
+        return f"{verb} them back, as the sensor had them, or leave them out (--leave-out)."
 
 
 def turned_pictures(calibration: Calibration) -> TurnedPictures | None:
-    """The pictures that are turned by 180° against most others; None if there are none, the views don't tell, or the
-    calibration left them out."""
+    """The pictures that are turned by 180° or mirrored against most others; None if there are none, the views don't
+    tell, or the calibration left them out.
+
+    Of several changes that explain these views, those that do about as well as the best are named: with the principal
+    point in the middle of the picture in one direction, a turned picture is like a mirrored one. Codes are not read in
+    mirrored pictures, and boards of triangles have no mirrored labels: these can only be turned.
+    """
     used, out = calibration.used_views, [v for v in calibration.left_out if v.pose is not None]
     if len(used) < ENOUGH or any(v.pose is None for v in used):
         return None
     views = [*used, *(replace(v, used=np.ones(len(v), bool), reason="") for v in out)]
     plain = _without_correction(calibration)
-    turned = _search(replace(plain, shape=None), views)  # the shape is a compromise, too, if some pictures are turned
-    if turned is None:
+    perfect = replace(plain, shape=None)  # the shape is a compromise, too, if some pictures are turned
+    here = _information(perfect, views)
+    squares = calibration.target is None and plane_of(calibration).pattern == "checker"
+    possible = [c for c in CHANGES if squares or not c.mirrors]
+    turned = {c: t for c in possible if (t := _search(perfect, views, c, here)) is not None and t[: len(used)].any()}
+    before = calibrate_apart(plain, views, views) if turned else None
+    if before is None:
         return None
-    size = calibration.camera.image_size
-    before, after = (calibrate_apart(plain, some, some) for some in (views, _arranged(views, turned, size)))
-    if before is None or after is None or after.views < before.views:
+    found = {c: each for c, t in turned.items() if (each := _better(plain, views, c, t, before)) is not None}
+    if not found:
+        return None
+    best = min(found, key=lambda c: found[c].rms)
+    return replace(found[best], changes=(best, *_alike(plain, views, turned[best], best, possible, found[best].rms)))
+
+
+def _alike(
+    calibration: Calibration,
+    views: Sequence[BoardView],
+    turned: Bool[Array, " v"],
+    best: Change,
+    possible: Sequence[Change],
+    rms: float,
+) -> list[Change]:
+    """The other `possible` changes that explain the `turned` views about as well as the `best`, with its `rms`."""
+    found = []
+    for change in possible:
+        arranged = _arranged(calibration, views, change, turned)
+        other = None if change == best else calibrate_apart(calibration, arranged, arranged)
+        if other is not None and other.rms * BETTER <= rms:
+            found.append(change)
+    return found
+
+
+def _better(
+    calibration: Calibration, views: Sequence[BoardView], change: Change, turned: Bool[Array, " v"], before: CameraGroup
+) -> TurnedPictures | None:
+    """The pictures that underwent the `change`, if the views fit better without it than `before`."""
+    arranged = _arranged(calibration, views, change, turned)
+    after = calibrate_apart(calibration, arranged, arranged)
+    if after is None or after.views < before.views:
         return None
     if after.rms > (BETTER if after.views == before.views else AS_GOOD) * before.rms:
         return None
-    if (np.abs(_negated(after.camera)[2:4]) < SURE * after.std[2:4]).all():
-        return None
-    if not turned[: len(used)].any():
+    sure = np.abs(_negated(after.camera, change)[2:4]) >= SURE * after.std[2:4]
+    if not sure.any():
         return None
     names = tuple(dict.fromkeys(v.name for v, t in zip(views, turned, strict=True) if t))
-    return TurnedPictures(names, after.rms, before.rms, apart_by(calibration.camera, after.camera))
+    return TurnedPictures((change,), names, after.rms, before.rms, apart_by(calibration.camera, after.camera))
 
 
 def _without_correction(calibration: Calibration) -> Calibration:
@@ -104,15 +176,18 @@ def _without_correction(calibration: Calibration) -> Calibration:
     return replace(calibration, camera=replace(camera, correction=None), cov=calibration.cov[np.ix_(kept, kept)])
 
 
-def _search(calibration: Calibration, views: Sequence[BoardView]) -> Bool[Array, " v"] | None:
-    """(V,) bool: the views that are turned, at most half; None if none are, or if one of them isn't sure."""
-    size = calibration.camera.image_size
-    info, negated = _information(calibration, views)
+def _search(
+    calibration: Calibration, views: Sequence[BoardView], change: Change, here: tuple[ViewInformation, Camera]
+) -> Bool[Array, " v"] | None:
+    """(V,) bool: the views that underwent the `change`, at most half; None if none did, or if one of them isn't sure.
+    `here`: the `_information` of the views as they are."""
+    info, negated = here[0], _negated(here[1], change)
     turned = _most_likely(info, negated)
     if _gain(info, negated, turned) < GAIN[0] * len(views) + GAIN[1]:
         return None
     for _ in range(SOLVED):
-        info, negated = _information(calibration, _arranged(views, turned, size))
+        info, camera = _information(calibration, _arranged(calibration, views, change, turned))
+        negated = _negated(camera, change)
         if not (again := _most_likely(info, negated)).any():
             break
         turned ^= again
@@ -124,38 +199,58 @@ def _search(calibration: Calibration, views: Sequence[BoardView]) -> Bool[Array,
     return turned if turned.any() and (margin[turned] >= MARGIN).all() else None
 
 
-def _negated(camera: Camera) -> Real[Array, " p"]:
-    """(P,) the parameters that a turn by 180° changes to their negatives: the principal point from the picture's
-    middle, and tangential distortion; NaN for all others."""
+def _negated(camera: Camera, change: Change) -> Real[Array, " p"]:
+    """(P,) the parameters that a `change` takes to their negatives: the principal point from the picture's middle, and
+    tangential distortion, in the directions that are flipped; NaN for all others."""
     out = np.full(len(camera.parameters), np.nan)
     out[2:4] = camera.parameters[2:4] - (np.array(camera.image_size) - 1) / 2
-    for k, name in enumerate(camera.parameter_names[: camera.coefficients]):
+    names = camera.parameter_names[: camera.coefficients]
+    for k, name in enumerate(names):
         if name in ("p1", "p2"):
             out[k] = camera.parameters[k]
-    return out
+    x, y = change.flipped
+    kept = {"cx": x, "p2": x, "cy": y, "p1": y}
+    return np.where([kept.get(name, True) for name in camera.parameter_names], out, np.nan)
 
 
-def _arranged(views: Sequence[BoardView], turned: Bool[Array, " v"], image_size: tuple[int, int]) -> list[BoardView]:
-    """The views, those that are `turned` (V,) turned back."""
-    return [_turned(v, image_size) if t else v for v, t in zip(views, turned, strict=True)]
-
-
-def _information(calibration: Calibration, views: Sequence[BoardView]) -> tuple[ViewInformation, Real[Array, " p"]]:
-    """The contribution of each of the `views`, and the `_negated` parameters, at the camera that they give."""
+def _information(calibration: Calibration, views: Sequence[BoardView]) -> tuple[ViewInformation, Camera]:
+    """The contribution of each of the `views` at the camera that they give, and this camera."""
     corners, sigma = corners_of(calibration, views, [v.used for v in views])
     state = state_of(calibration, views)
     state, noise = robust.initial_fit(state, corners, sigma, default_free(state))
     info = of_state(state, corners, 1 / np.sqrt(np.maximum(noise**2 + sigma**2, LEAST_SCATTER**2)))
-    return info.at_optimum(), _negated(state.cameras[0])
+    return info.at_optimum(), state.cameras[0]
 
 
-def _turned(view: BoardView, image_size: tuple[int, int]) -> BoardView:
-    """The view in the picture turned by 180°: x → width − 1 − x, y → height − 1 − y, and the pose about the camera's
-    axis."""
-    pose = view.pose
-    if pose is not None:
-        pose = Pose(np.diag([-1.0, -1, 1, 1]) @ pose.T_cam_board)
-    return replace(view, xy=np.array(image_size) - 1.0 - view.xy, pose=pose, residuals=-view.residuals)
+def _arranged(
+    calibration: Calibration, views: Sequence[BoardView], change: Change, turned: Bool[Array, " v"]
+) -> list[BoardView]:
+    """The views, the `change` of those that are `turned` (V,) undone."""
+    return [_undone(calibration, v, change) if t else v for v, t in zip(views, turned, strict=True)]
+
+
+def _undone(calibration: Calibration, view: BoardView, change: Change) -> BoardView:
+    """The view in the picture whose flipped directions run back: x → width − 1 − x, y → height − 1 − y, and the pose
+    likewise. In a mirrored picture the labels of the board ran the wrong way, too."""
+    image_size, there = np.array(calibration.camera.image_size), np.array(change.flipped)
+    sign = np.where(there, -1.0, 1.0)
+    board, ij = np.eye(4), view.ij
+    if change.mirrors:
+        axis, last = _mirrored_labels(calibration, view)
+        ij = ij.copy()
+        ij[:, axis] = last - ij[:, axis]
+        board[axis, axis], board[axis, 3] = -1.0, last * side_of(calibration, view)
+    pose = None if view.pose is None else Pose(np.diag([*sign, 1, 1]) @ view.pose.T_cam_board @ board)
+    xy = np.where(there, image_size - 1.0 - view.xy, view.xy)
+    return replace(view, ij=ij, xy=xy, pose=pose, residuals=sign * view.residuals)
+
+
+def _mirrored_labels(calibration: Calibration, view: BoardView) -> tuple[int, int]:
+    """Along which axis the labels of a board run the other way in its mirror image, and the last one there: that with
+    an odd number of squares, so that the first square has the colour it had."""
+    size = calibration.size
+    axis = 0 if size is not None and size[1] % 2 else 1
+    return axis, int(view.ij[:, axis].max()) if size is None or not view.settled else size[axis] - 1
 
 
 def _most_likely(info: ViewInformation, negated: Real[Array, " p"]) -> Bool[Array, " v"]:

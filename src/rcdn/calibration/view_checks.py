@@ -27,7 +27,7 @@ def one_camera(c: Calibration, facts: Facts) -> list[Reason]:
     too few for the test."""
     found = several.one_camera(c)
     if (found is None or found.by != "names") and (back := turned.turned_pictures(c)) is not None:
-        return [reason("one_camera", back.difference, "", back.finding, turned.REMEDY)]
+        return [reason("one_camera", back.difference, "", back.finding, back.remedy)]
     if found is not None:
         return [reason("one_camera", found.difference, "", found.finding, several.REMEDY)]
     if len(c.used_views) < several.ENOUGH:
