@@ -104,6 +104,16 @@ def test_a_zoom_in_the_middle_is_found_without_names():
     assert second.camera.K[0, 0] / first.camera.K[0, 0] == pytest.approx(1.04, abs=0.02)
 
 
+def test_a_smooth_correction_hides_no_second_camera():
+    """With one for each group, the deviations of the lens parameters are so large that nothing differs."""
+    cameras = [BROWN] * 9 + [zoomed(BROWN, 1.0, (20, 0))] * 9
+    finding = found(cameras, plain(18), 4, "splined", noise=0.05)
+    assert finding.by == "order"
+    assert "cx " in finding.finding
+    gap = finding.groups[0].camera.K[0, 2] - finding.groups[1].camera.K[0, 2]
+    assert abs(gap) == pytest.approx(20, abs=3)
+
+
 @pytest.mark.parametrize("seed", [5, 6])
 def test_two_zooms_in_no_order_are_found(seed):
     far = np.random.default_rng(seed).permutation(20) < 9

@@ -37,11 +37,23 @@ class CameraGroup:
     views: int
 
 
+def without_correction(calibration: Calibration) -> Calibration:
+    """The calibration with the lens model alone: a smooth correction is a compromise if its views come from several
+    cameras, and takes long to estimate."""
+    camera = calibration.camera
+    if camera.correction is None:
+        return calibration
+    many = len(calibration.cov)
+    kept = np.r_[: camera.coefficients, many - 6 : many]
+    return replace(calibration, camera=replace(camera, correction=None), cov=calibration.cov[np.ix_(kept, kept)])
+
+
 def calibrate_apart(
     calibration: Calibration, views: Sequence[BoardView], every: Sequence[BoardView], anew: bool = False
 ) -> CameraGroup | None:
-    """The camera from `views` alone, of the same model; `anew`: without an initial guess, otherwise from the joint
-    solution. None if it fails."""
+    """The camera from `views` alone, of the same model without a smooth correction; `anew`: without an initial guess,
+    otherwise from the joint solution. None if it fails."""
+    calibration = without_correction(calibration)
     corners, sigma, shaped = _corners(calibration, views)
     camera = calibration.camera
     seen = [Seen(corners.board[corners.frame == f], corners.xy[corners.frame == f]) for f in range(len(views))]

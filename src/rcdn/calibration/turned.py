@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rcdn.calibration import robust
-from rcdn.calibration.apart import CameraGroup, apart_by, calibrate_apart
+from rcdn.calibration.apart import CameraGroup, apart_by, calibrate_apart, without_correction
 from rcdn.calibration.board_points import plane_of, side_of
 from rcdn.calibration.bundle import default_free
 from rcdn.calibration.influence import (
@@ -116,7 +116,7 @@ def turned_pictures(calibration: Calibration) -> TurnedPictures | None:
     if len(used) < ENOUGH or any(v.pose is None for v in used):
         return None
     views = [*used, *(replace(v, used=np.ones(len(v), bool), reason="") for v in out)]
-    plain = _without_correction(calibration)
+    plain = without_correction(calibration)
     perfect = replace(plain, shape=None)  # the shape is a compromise, too, if some pictures are turned
     here = _information(perfect, views)
     squares = calibration.target is None and plane_of(calibration).pattern == "checker"
@@ -165,15 +165,6 @@ def _better(
         return None
     names = tuple(dict.fromkeys(v.name for v, t in zip(views, turned, strict=True) if t))
     return TurnedPictures((change,), names, after.rms, before.rms, apart_by(calibration.camera, after.camera))
-
-
-def _without_correction(calibration: Calibration) -> Calibration:
-    camera = calibration.camera
-    if camera.correction is None:
-        return calibration
-    many = len(calibration.cov)
-    kept = np.r_[: camera.coefficients, many - 6 : many]
-    return replace(calibration, camera=replace(camera, correction=None), cov=calibration.cov[np.ix_(kept, kept)])
 
 
 def _search(
