@@ -10,7 +10,7 @@ import numpy as np
 
 from rcdn.corners.onnx_file import Graph
 from rcdn.corners.sieve import CELL
-from rcdn.corners.threads import CORES, Threads
+from rcdn.corners.threads import Threads, cores
 from rcdn.errors import RcdnError
 from rcdn.native import bind, constants
 from rcdn.types import Array
@@ -96,7 +96,7 @@ class CellNetwork:
         grey, mask = np.ascontiguousarray(grey), np.ascontiguousarray(cells).view(np.uint8)
         if mask.shape != (wanted := tuple(-(-n // CELL) for n in grey.shape)):
             raise RcdnError(f"cells must have shape {wanted} for a picture of shape {grey.shape}, not {mask.shape}")
-        count = max(1, min(threads or CORES, height // BAND))
+        count = max(1, min(threads or cores(), height // BAND))
         edges = np.linspace(0, height, count + 1).astype(int).tolist()
 
         def run(band: tuple[int, int]) -> None:

@@ -22,7 +22,7 @@ from rcdn.corners.normalise import normaliser
 from rcdn.corners.onnx_written import to_onnx
 from rcdn.corners.quantised import read_npz
 from rcdn.corners.sieve import cells_with_saddles, every_cell
-from rcdn.corners.threads import CORES, Threads
+from rcdn.corners.threads import Threads, cores
 from rcdn.errors import ConfigError, DependencyError, RcdnError, shown
 from rcdn.types import Array
 from rcdn.types.arrays import Real
@@ -140,7 +140,7 @@ class ResponseModel:
 
         alone = session.get_inputs()[0].shape[0] == 1  # a file exported with a fixed batch size of 1
         together = _batches(height, width, tile, 1 if self.device == "cpu" or alone else BATCH)
-        count = min(threads or CORES, len(together)) if self.device == "cpu" else 1
+        count = min(threads or cores(), len(together)) if self.device == "cpu" else 1
         self.pool(run, together, count)
         return out
 

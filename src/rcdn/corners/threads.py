@@ -7,15 +7,21 @@ import threading
 from collections import deque
 from collections.abc import Callable, Iterable
 from concurrent.futures import Future, ThreadPoolExecutor, wait
+from functools import cache
 from typing import Any, TypeVar
 from weakref import WeakSet
 
 from rcdn import interrupts
 
 Item = TypeVar("Item")
-CORES = os.cpu_count() or 1  # asked once: the answer takes as long as a small kernel
-MOST_THREADS = max(64, CORES)
+MOST_THREADS = max(64, os.cpu_count() or 1)
 """largest number of threads in a pool; they are started only when there is work for them"""
+
+
+@cache
+def cores() -> int:
+    """Number of the processor's cores, asked for once a process: the answer takes as long as a small kernel."""
+    return os.cpu_count() or 1
 
 
 class Threads:
