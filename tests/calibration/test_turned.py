@@ -66,6 +66,15 @@ def test_mirrored_pictures_are_named_as_such(model, some, way):
     assert set(turned_pictures(done).names) == names
 
 
+def test_a_change_that_leaves_the_changed_pictures_out_explains_nothing():
+    """A quarter of the pictures: without them the others fit perfectly, whatever is done to the quarter."""
+    done, names = taken(off_centre("pinhole", (40, -30)), 1, (1, 4, 7, 10), 16, "left to right")
+    found = turned_pictures(done)
+    assert set(found.names) == names
+    assert [change.done for change in found.changes] == ["mirrored left to right"]
+    assert found.views == 16
+
+
 def test_mirrored_pictures_may_be_turned_ones_where_the_principal_point_is_in_the_middle_of_a_column():
     done, names = taken(off_centre("pinhole", (14, 0)), 0, (1, 4, 7, 10), way="left to right")
     found = turned_pictures(done)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from rcdn.calibration.choose import SIMPLER
 from rcdn.calibration.facts import Facts
 from rcdn.calibration.limits import growth, reason
 from rcdn.errors import two_digits, were_left_out
@@ -89,7 +90,9 @@ def held_out(c: Calibration, facts: Facts) -> list[Reason]:
                 level="fair",
             )
         ]  # fmt: skip
-    simpler = ", or a simpler lens model" if len(c.models) == 1 else ""  # of several, one is chosen
+    others = [m.held_out for m in c.models[1:] if np.isfinite(m.held_out)]
+    chosen = bool(others) and c.models[0].held_out <= SIMPLER * min(others)
+    simpler = "" if chosen else ", or a simpler lens model"
     return [
         reason(
             "held_out", ratio,

@@ -9,7 +9,7 @@ the number of splits tested, and is confirmed by calibrating each group separate
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -104,8 +104,17 @@ def one_camera(calibration: Calibration) -> SeveralCameras | None:
         return found
     info = view_information(calibration).at_optimum()
     suspects = sorted(_suspects(calibration, info), key=lambda s: s.probability)
-    confirmed = (_confirm(calibration, s) for s in suspects)
+    joint = _joint(calibration) if suspects else None
+    confirmed = (_confirm(calibration, s, joint) for s in suspects if joint is not None)
     return next((c for c in confirmed if c is not None), None)
+
+
+def _joint(c: Calibration) -> CameraGroup:
+    """All used views as one group: without a smooth correction, as groups are calibrated."""
+    views = c.used_views
+    found = None if c.camera.correction is None else calibrate_apart(c, views, views)
+    names = tuple(dict.fromkeys(v.name for v in views))
+    return found or CameraGroup(names, "", c.camera, c.std, c.rms, len(views))
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,9 +229,9 @@ def _two_means(values: Real[Array, "n v"], weight: Array) -> tuple[Array, Array]
     return total / np.maximum(within[rows, best], 1e-300), rank < many[best][:, None]
 
 
-def _confirm(calibration: Calibration, suspect: _Suspect) -> SeveralCameras | None:
-    """Each group calibrated separately, starting from the joint solution; None if the cameras do not differ after
-    all."""
+def _confirm(calibration: Calibration, suspect: _Suspect, joint: CameraGroup) -> SeveralCameras | None:
+    """Each group calibrated separately, starting from the joint solution; None if the cameras do not differ after all.
+    `joint`: all of them as one group."""
     views = calibration.used_views
     members = [np.flatnonzero(suspect.members == k) for k in range(int(suspect.members.max()) + 1)]
     groups = [calibrate_apart(calibration, [views[k] for k in m], views) for m in members]
@@ -230,22 +239,20 @@ def _confirm(calibration: Calibration, suspect: _Suspect) -> SeveralCameras | No
         return None
     kept = sorted((g for g in groups if g is not None), key=lambda g: -g.views)
     mean = float(np.sqrt(np.average([g.rms**2 for g in kept], weights=[g.views for g in kept])))
-    figures, ratio = bool(significance(kept).max() >= SURE), mean / calibration.rms
+    figures, ratio = bool(significance(kept).max() >= SURE), mean / joint.rms
     fits = any(suspect.probability < p and ratio < most for p, most in GROUPED)
     agreed = {"names": figures or ratio < BETTER, "order": figures, "focal length": figures and fits}
     if not agreed[suspect.by]:
         return None
-    return _finding(calibration, kept, suspect.by, suspect.probability)
+    return _finding(kept, suspect.by, suspect.probability, joint)
 
 
-def _finding(
-    calibration: Calibration, groups: Sequence[CameraGroup], by: By, probability: float
-) -> SeveralCameras | None:
+def _finding(groups: Sequence[CameraGroup], by: By, probability: float, joint: CameraGroup) -> SeveralCameras | None:
     """The finding, if the cameras differ by more than the corners' scatter."""
     apart = max(apart_by(groups[0].camera, g.camera) for g in groups[1:])
-    if apart < VISIBLE * calibration.rms:
+    if apart < VISIBLE * joint.rms:
         return None
-    return SeveralCameras(tuple(groups), by, min(probability, 1.0), apart, calibration.rms)
+    return SeveralCameras(tuple(groups), by, min(probability, 1.0), apart, joint.rms)
 
 
 def _left_out(calibration: Calibration) -> SeveralCameras | None:
@@ -259,13 +266,10 @@ def _left_out(calibration: Calibration) -> SeveralCameras | None:
         other = calibrate_apart(calibration, odd, every, anew=True)
     except (RcdnError, np.linalg.LinAlgError):
         return None
-    if other is None or other.rms > ALIKE * calibration.rms or other.views < LEAST_GROUP:
+    joint = _joint(calibration)
+    if other is None or other.rms > ALIKE * joint.rms or other.views < LEAST_GROUP:
         return None
-    names = tuple(dict.fromkeys(v.name for v in calibration.used_views))
-    label = describe(names, [v.name for v in odd])
-    majority = CameraGroup(
-        names, label, calibration.camera, calibration.std, calibration.rms, len(calibration.used_views)
-    )
+    majority = replace(joint, label=describe(joint.names, [v.name for v in odd]))
     if significance((majority, other)).max() < SURE:
         return None
-    return _finding(calibration, (majority, other), "left out", 0.0)
+    return _finding((majority, other), "left out", 0.0, joint)

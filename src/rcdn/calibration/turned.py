@@ -25,6 +25,7 @@ from rcdn.calibration.influence import (
     solved,
     state_of,
 )
+from rcdn.calibration.relative_pose import reversed_in_a_mirror
 from rcdn.types import Array, BoardView, Calibration, Camera, Pose
 from rcdn.types.arrays import Bool, Real
 
@@ -34,10 +35,10 @@ GAIN = (0.75, 10.0)
 """least gain of the likelihood for each view and in all, in units of the views' scatter. If none is turned and the
 principal point is in the middle of the picture, the most likely choice gains that much in one of a hundred sets"""
 MARGIN = 10.0
-"""least gain of each turned view, turned back, in the same units: of seven sets of photographs, some of them turned,
-right choices have 20 and more, wrong ones 7 at most"""
+"""least gain of each changed view, with the change undone, in the same units: of seven sets of photographs, some of
+them turned, right choices have 20 and more, wrong ones 7 at most"""
 BETTER = 0.98
-"""× the RMS as the pictures are: the RMS with some of them turned back is below this"""
+"""× the RMS as the pictures are: the RMS with the change of some of them undone is below this"""
 AS_GOOD = 1.1
 """the same, if more views fit then"""
 SURE = 8.0
@@ -73,14 +74,15 @@ CHANGES = (
 
 @dataclass(frozen=True, eq=False)
 class TurnedPictures:
-    """Pictures `names` that underwent one of the `changes`, the most likely one first, against all others. With these
-    as the others, the RMS is `rms` instead of `before`, px, and the camera differs by `difference`, px RMS over the
-    picture after the best rotation."""
+    """Pictures `names` that underwent one of the `changes`, the most likely one first, against all others. With the
+    change undone, the RMS is `rms` instead of `before`, px, in `views` views that agree, and the camera differs by
+    `difference`, px RMS over the picture after the best rotation."""
 
     changes: tuple[Change, ...]
     names: tuple[str, ...]
     rms: float
     before: float
+    views: int
     difference: float
 
     @property
@@ -119,35 +121,33 @@ def turned_pictures(calibration: Calibration) -> TurnedPictures | None:
     plain = without_correction(calibration)
     perfect = replace(plain, shape=None)  # the shape is a compromise, too, if some pictures are turned
     here = _information(perfect, views)
-    squares = calibration.target is None and plane_of(calibration).pattern == "checker"
+    squares = all(v.target is None for v in views) and plane_of(calibration).pattern == "checker"
     possible = [c for c in CHANGES if squares or not c.mirrors]
     turned = {c: t for c in possible if (t := _search(perfect, views, c, here)) is not None and t[: len(used)].any()}
-    before = calibrate_apart(plain, views, views) if turned else None
+    # the labels of a board that looks the same after half a turn follow how it lies, and so would its shape
+    shaped = plain if calibration.orientation == "unique" else perfect
+    before = calibrate_apart(shaped, views, views) if turned else None
     if before is None:
         return None
-    found = {c: each for c, t in turned.items() if (each := _better(plain, views, c, t, before)) is not None}
+    found = {c: each for c, t in turned.items() if (each := _better(shaped, views, c, t, before)) is not None}
     if not found:
         return None
     best = min(found, key=lambda c: found[c].rms)
-    return replace(found[best], changes=(best, *_alike(plain, views, turned[best], best, possible, found[best].rms)))
+    others = [c for c in possible if c != best and _is_alike(shaped, views, turned[best], c, found[best])]
+    return replace(found[best], changes=(best, *others))
 
 
-def _alike(
+def _is_alike(
     calibration: Calibration,
     views: Sequence[BoardView],
     turned: Bool[Array, " v"],
-    best: Change,
-    possible: Sequence[Change],
-    rms: float,
-) -> list[Change]:
-    """The other `possible` changes that explain the `turned` views about as well as the `best`, with its `rms`."""
-    found = []
-    for change in possible:
-        arranged = _arranged(calibration, views, change, turned)
-        other = None if change == best else calibrate_apart(calibration, arranged, arranged)
-        if other is not None and other.rms * BETTER <= rms:
-            found.append(change)
-    return found
+    change: Change,
+    best: TurnedPictures,
+) -> bool:
+    """Whether a `change` explains the `turned` views about as well as the `best` one, and leaves out no more views."""
+    arranged = _arranged(calibration, views, change, turned)
+    other = calibrate_apart(calibration, arranged, arranged)
+    return other is not None and other.views >= best.views and other.rms * BETTER <= best.rms
 
 
 def _better(
@@ -164,7 +164,8 @@ def _better(
     if not sure.any():
         return None
     names = tuple(dict.fromkeys(v.name for v, t in zip(views, turned, strict=True) if t))
-    return TurnedPictures((change,), names, after.rms, before.rms, apart_by(calibration.camera, after.camera))
+    gap = apart_by(calibration.camera, after.camera)
+    return TurnedPictures((change,), names, after.rms, before.rms, after.views, gap)
 
 
 def _search(
@@ -237,10 +238,9 @@ def _undone(calibration: Calibration, view: BoardView, change: Change) -> BoardV
 
 
 def _mirrored_labels(calibration: Calibration, view: BoardView) -> tuple[int, int]:
-    """Along which axis the labels of a board run the other way in its mirror image, and the last one there: that with
-    an odd number of squares, so that the first square has the colour it had."""
+    """Along which axis the labels of a board run the other way in its mirror image, and the last one there."""
     size = calibration.size
-    axis = 0 if size is not None and size[1] % 2 else 1
+    axis = 1 if size is None else reversed_in_a_mirror(size)
     return axis, int(view.ij[:, axis].max()) if size is None or not view.settled else size[axis] - 1
 
 

@@ -23,8 +23,8 @@ THIRDS = (
 
 
 def one_camera(c: Calibration, facts: Facts) -> list[Reason]:
-    """Pictures that are turned, or groups from different cameras, zooms or focus settings; no reason if the views are
-    too few for the test."""
+    """Pictures that are turned or mirrored, or groups from different cameras, zooms or focus settings; no reason if the
+    views are too few for the test."""
     found = several.one_camera(c)
     if (found is None or found.by != "names") and (back := turned.turned_pictures(c)) is not None:
         return [reason("one_camera", back.difference, "", back.finding, back.remedy)]

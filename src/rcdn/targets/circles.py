@@ -41,7 +41,7 @@ SHARE, ROUND, STRAIGHT = 0.3, 0.04, 0.004
 most ROUND of the total; by the checkerboard, at least STRAIGHT of the total, since under a wide blur all models are the
 same"""
 SHARPENED = (0.7, 0.3, 0.05)
-"""the same for discs in pictures that the camera has sharpened, which draws a rim around each: no model has it"""
+"""the same for discs, if squares leave more: a camera that sharpens draws a rim around each disc, which no model has"""
 
 Other = Literal["circles", "mesh"]
 OTHERS: tuple[Other, ...] = ("circles", "mesh")
@@ -62,7 +62,8 @@ def other_pattern(samples: CornerSamples) -> Other | None:
     if min(circles, mesh) <= min(SHARE * straight, ROUND):
         return "circles" if circles <= mesh else "mesh"
     share, most, least = SHARPENED
-    return "circles" if straight >= least and circles <= min(share * straight, most) else None
+    rimmed = straight >= least and circles <= min(share * straight, most, mesh)
+    return "circles" if rimmed else None
 
 
 def _median_square(samples: CornerSamples) -> Array:
