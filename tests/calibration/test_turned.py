@@ -8,7 +8,7 @@ import pytest
 from rcdn.calibration import calibrate
 from rcdn.calibration.turned import turned_pictures
 from rcdn.types import Camera
-from rcdn_lab.camera_scenes import CAMERAS, SPACING, random_boards
+from rcdn_lab.camera_scenes import CAMERAS, SPACING, detected, labels, random_boards
 
 NOISE = 0.1
 FISHEYE = Camera(
@@ -73,6 +73,19 @@ def test_a_change_that_leaves_the_changed_pictures_out_explains_nothing():
     assert set(found.names) == names
     assert [change.done for change in found.changes] == ["mirrored left to right"]
     assert found.views == 16
+
+
+def test_turned_pictures_of_a_bent_board_that_looks_the_same_after_half_a_turn_are_not_said_to_be_mirrored():
+    """Its labels follow how it lies, so that the shape of the others is the wrong way round in turned pictures."""
+    size, some = (8, 6), (1, 4, 7, 10)
+    u, v = (labels(size) / (np.array(size) - 1) - 0.5).T
+    bent = np.stack([0 * u, 0 * u, 0.2 * SPACING * (8 * u**3 + 4 * v * u**2)], axis=1)
+    boards = random_boards(off_centre("pinhole", (40, -30)), 1, 16, 0.05, whole=True, offsets=bent, size=size)[0]
+    boards = [detected(b.ij, b.xy, b.image_size) for b in boards]
+    boards = [flipped(b, "turned") if k in some else b for k, b in enumerate(boards)]
+    found = turned_pictures(calibrate(boards, SPACING, names=list("abcdefghijklmnop"), model="pinhole", size=size))
+    assert found.names == tuple("behk")
+    assert [change.done for change in found.changes] == ["turned by 180°"]
 
 
 def test_mirrored_pictures_may_be_turned_ones_where_the_principal_point_is_in_the_middle_of_a_column():

@@ -194,15 +194,11 @@ def _search(
 def _negated(camera: Camera, change: Change) -> Real[Array, " p"]:
     """(P,) the parameters that a `change` takes to their negatives: the principal point from the picture's middle, and
     tangential distortion, in the directions that are flipped; NaN for all others."""
-    out = np.full(len(camera.parameters), np.nan)
-    out[2:4] = camera.parameters[2:4] - (np.array(camera.image_size) - 1) / 2
-    names = camera.parameter_names[: camera.coefficients]
-    for k, name in enumerate(names):
-        if name in ("p1", "p2"):
-            out[k] = camera.parameters[k]
     x, y = change.flipped
-    kept = {"cx": x, "p2": x, "cy": y, "p1": y}
-    return np.where([kept.get(name, True) for name in camera.parameter_names], out, np.nan)
+    flipped = {"cx": x, "p2": x, "cy": y, "p1": y}
+    out = np.where([flipped.get(name, False) for name in camera.parameter_names], camera.parameters, np.nan)
+    out[2:4] -= (np.array(camera.image_size) - 1) / 2
+    return out
 
 
 def _information(calibration: Calibration, views: Sequence[BoardView]) -> tuple[ViewInformation, Camera]:
