@@ -1,12 +1,17 @@
 """Calibration of cameras, pairs and rigs from detected boards, and estimation of board poses."""
 
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from rcdn.calibration.behind import from_behind
 from rcdn.calibration.calibrate import MODELS, calibrate
-from rcdn.calibration.pose import estimate_pose
-from rcdn.calibration.rig import calibrate_rig
-from rcdn.calibration.rig_pose import estimate_rig_pose
-from rcdn.calibration.stereo import calibrate_stereo
 from rcdn.calibration.uncertainty import coverage, projection_uncertainty
+
+if TYPE_CHECKING:
+    from rcdn.calibration.pose import estimate_pose
+    from rcdn.calibration.rig import calibrate_rig
+    from rcdn.calibration.rig_pose import estimate_rig_pose
+    from rcdn.calibration.stereo import calibrate_stereo
 
 __all__ = [
     "MODELS",
@@ -19,3 +24,17 @@ __all__ = [
     "from_behind",
     "projection_uncertainty",
 ]
+
+_HOMES = {
+    "calibrate_rig": "rig",
+    "calibrate_stereo": "stereo",
+    "estimate_pose": "pose",
+    "estimate_rig_pose": "rig_pose",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import what is for more cameras than one, or for poses, at its first use: a third of the time of the others."""
+    if name not in _HOMES:
+        raise AttributeError(f"module 'rcdn.calibration' has no attribute {name!r}")
+    return getattr(import_module(f"rcdn.calibration.{_HOMES[name]}"), name)

@@ -12,8 +12,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import least_squares
-from scipy.special import chdtrc, chdtri
 
 from rcdn.calibration.sight import cell_centres, out_of_sight
 from rcdn.errors import CalibrationError, RcdnError
@@ -153,6 +151,8 @@ def agreement(a: Calibration, b: Calibration, found: Difference, inside: Real[Ar
     those, too. The mean square of the ratio is a weighted sum of χ² variables; its quantile is Satterthwaite's: that of
     χ² with the degrees of freedom that give the same variance (Biometrics Bulletin 2, 1946).
     """
+    from scipy.special import chdtrc, chdtri  # here: calibrations import this module, and need SciPy only seldom
+
     inside = np.ones(len(found.points), bool) if inside is None else inside
     jacobian = _difference_jacobian(a.camera, b.camera, found.rotation, found.points, found.points[inside])
     half = [_half(c.cov[:-6, :-6]) for c in (a, b)]
@@ -199,6 +199,8 @@ def _least_squares(camera: Camera, rays: Real[Array, "n 3"], pixels: Real[Array,
 
     Parametrised as a small rotation after `start`, with central differences, which are available for every lens model.
     """
+    from scipy.optimize import least_squares
+
     turned = rays @ rotation(start).T
 
     def gaps(v: Array) -> Array:

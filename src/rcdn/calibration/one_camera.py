@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from scipy.special import stdtr
 
 from rcdn.calibration.apart import CameraGroup, apart_by, calibrate_apart, significance
 from rcdn.calibration.groups import FEWEST, describe, name_partitions, natural_order
@@ -161,6 +160,8 @@ def _by_name(names: Sequence[str], info: ViewInformation, directions: Array) -> 
 
 def _probabilities(info: ViewInformation, directions: Array, masks: Array) -> Real[Array, "n q"]:
     """(n, q) two-sided p-values of the differences between groups."""
+    from scipy.special import stdtr  # here: SciPy takes longer to load than all of a calibration's own modules
+
     d = group_difference(info, directions, masks)
     return np.asarray(2 * stdtr(d.freedom, -np.abs(d.value) / np.maximum(d.std, 1e-300)))
 

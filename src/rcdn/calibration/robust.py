@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import brentq
 
 from rcdn.calibration.bundle import Corners3, State, default_free, middles, residuals
 from rcdn.calibration.shape import Spread, likeliest, with_spread
@@ -275,9 +274,9 @@ def _noise(gaps: Array, sigma: Real[Array, " n"], unknowns: float) -> float:
 
 
 def _root(excess: Callable[[float], float], most: float) -> float:
-    """Root of the decreasing function `excess` between LEAST_NOISE and just above `most`; the nearer end of the
-    interval if there is none."""
-    high = max(most * 1.001, 2 * LEAST_NOISE)
-    if excess(LEAST_NOISE) <= 0:
-        return LEAST_NOISE
-    return float(brentq(excess, LEAST_NOISE, high)) if excess(high) < 0 else high
+    """Root of the decreasing function `excess` between LEAST_NOISE and just above `most`, by bisection; the nearer end
+    of the interval if there is none."""
+    low, high = LEAST_NOISE, max(most * 1.001, 2 * LEAST_NOISE)
+    while low < (middle := (low + high) / 2) < high:
+        low, high = (middle, high) if excess(middle) > 0 else (low, middle)
+    return high

@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg.lapack import dtrtri
 
 from rcdn.calibration.bundle import (
     Corners3,
@@ -138,8 +137,7 @@ def _inverse_root(blocks: Real[Array, "f n n"]) -> Array:
     """Upper triangular U (F, n, n) with U Uᵀ the inverse of symmetric `blocks`, whose eigenvalues below RIDGE count as
     RIDGE."""
     try:
-        lower = np.linalg.cholesky(blocks)
-        inverse = np.stack([dtrtri(each, lower=1)[0] for each in lower])
+        inverse = np.linalg.inv(np.linalg.cholesky(blocks))
         if (inverse**2).sum(axis=(1, 2)).max() < 1 / RIDGE:  # the trace of the inverse: no eigenvalue is below RIDGE
             return np.asarray(inverse.transpose(0, 2, 1))
     except np.linalg.LinAlgError:  # not positive definite
