@@ -20,6 +20,7 @@ STAGES = ("corners", "boards", "precision", "targets")
 MODULES = sorted(path for stage in STAGES for path in (ROOT / "src/rcdn" / stage).glob("*.py"))
 MODULES += [ROOT / "src/rcdn" / f"{name}.py" for name in ("views", "pyramid", "detector", "config")]
 MACHINERY = {"elementary.c", "elementary.h", "kernel.h", "lanes.h", "levels.c", "levels.h", "maths.h", "module.c"}
+CALIBRATION = {"lens.c", "normal.c", "rigid.c"}
 """what of src/native holds no constants of detection: calls of kernels, levels of processors,
 series of elementary functions"""
 SOURCES = ("*derived*", "*paper*", "*experiment*", "*noted*", "*convention*", "*not measured: chosen by hand*")
@@ -119,7 +120,7 @@ def in_the_code():
     found += [
         (path, pair)
         for path in sorted((ROOT / "src/native").glob("*.[ch]"))
-        if path.name not in MACHINERY
+        if path.name not in MACHINERY | CALIBRATION
         for pair in of_kernel(path)
     ]
     found += [(ROOT / "src/rcdn/config.py", pair) for pair in of_settings()]

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from tests.precision import window_pixels
 
-from rcdn import native
+from rcdn import geometry, native
 from rcdn.config import DetectorConfig
 from rcdn.detector import Detector
 from rcdn.errors import RcdnError
@@ -22,9 +22,12 @@ from rcdn.geometry import elementary, polygon
 from rcdn.native import bind
 from rcdn.synthetic import Background, BoardSpec, Scene, render
 from rcdn.targets.families import families
+from rcdn.types import Camera
 
 edges, fragments, local = (import_module(f"rcdn.boards.{name}") for name in ("edges", "fragments", "local"))
 gains, rectify = (import_module(f"rcdn.targets.{name}") for name in ("gains", "rectify"))
+bundle, solver = (import_module(f"rcdn.calibration.{name}") for name in ("bundle", "solver"))
+models = import_module("rcdn.geometry.models")
 orientation, sieve, symmetry = (import_module(f"rcdn.corners.{name}") for name in ("orientation", "sieve", "symmetry"))
 fit, lattice, smooth, surroundings, window = (
     import_module(f"rcdn.precision.{name}") for name in ("fit", "lattice", "smooth", "surroundings", "window")
@@ -94,6 +97,7 @@ def use_the_package():
     symmetry.symmetry_centre(grey, xy, 5)
     polygon.deeper(xy[:9], xy, 1.0)
     elementary.exp(xy), elementary.log(xy), elementary.erf(xy), elementary.cos_sin(xy), elementary.arctan2(xy, xy)
+    use_calibration(ij, xy)
     symmetry._room.__wrapped__(5)
     rectify.grid_with_ring(board)
     fragments._quads(xy)
@@ -101,6 +105,21 @@ def use_the_package():
     gains.MarkedSquares(shown, np.indices((3, 4)).sum(axis=0) % 2 == 0, np.ones((3, 4), bool), 1).most_evidence(
         families(4)[:1], 0.0
     )
+
+
+def use_calibration(ij, xy):
+    """What a calibration calls, of two frames that show a board as the first quarter of a turn leaves it."""
+    camera = Camera(np.array([[380.0, 0, 160], [0, 380, 120], [0, 0, 1]]), np.full(5, 0.01), (320, 240))
+    poses = np.tile(np.eye(4), (2, 1, 1))
+    poses[:, :3, :3], poses[:, 2, 3] = geometry.rotation(np.array([[0.1, 0.2, 0.3], [0.2, 0.1, 0.3]])), 0.4
+    zero = np.zeros(len(ij), int)
+    corners = bundle.Corners3(ij[:, 0] % 2, zero, ij * 0.03, xy, np.ones((len(xy), 1)))
+    state = bundle.State.mono(camera, poses, np.zeros((1, 3)))
+    solver.Normal.of(state, corners, np.ones(len(xy)), bundle.default_free(state))
+    there = np.tile([[0.1, 0.2, 1.0]], (4, 1))
+    shift = np.zeros((4, 2)), np.zeros((4, 2, 3))
+    models.pixels_with_jacobian(camera, there, shift)
+    geometry.unproject(camera, models.pixels_of(camera, there, shift[0]))
 
 
 def kept(value):

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from rcdn.geometry import project, rotation
-from rcdn.geometry.models import Brown
+from rcdn.geometry.models import distorted, fold
 from rcdn.geometry.order import colour_after, turn_of
 from rcdn.geometry.rules import CHECKER
 from rcdn.types import Array, Board, Camera
@@ -37,14 +37,16 @@ def random_camera(model: str, seed: int) -> Camera:
     allows."""
     if model != "rational":
         return CAMERAS[model]
-    rng, n = np.random.default_rng(seed), np.linspace(0, 1.1, 100)
+    rng, n = np.random.default_rng(seed), np.linspace(0.01, 1.1, 100)
+    axis = np.stack([n, np.zeros_like(n), np.ones_like(n)], axis=1)
     while True:
         lens = np.concatenate(
             [rng.normal(0, 0.5, 2), rng.normal(0, 0.001, 2), rng.normal(0, 0.5, 1), rng.normal(0, 1, 3)]
         )
-        radial = Brown.of(lens).radial(n * n)
-        if Brown.of(lens).fold() > 1.3 and ((radial > 0.3) & (radial < 3)).all():
-            return Camera(CAMERAS["brown"].K, lens, WIDE, "rational")
+        camera = Camera(CAMERAS["brown"].K, lens, WIDE, "rational")
+        radial = distorted(camera, axis)[:, 0] / n
+        if fold(camera) > np.arctan(1.3) and ((radial > 0.3) & (radial < 3)).all():
+            return camera
 
 
 def labels(size: tuple[int, int] = SIZE) -> Array:

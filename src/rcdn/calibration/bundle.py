@@ -11,6 +11,7 @@ import numpy as np
 
 from rcdn.calibration.bending import Bending
 from rcdn.geometry import cross_matrix, project, project_with_jacobian, rotation
+from rcdn.native import bind
 from rcdn.types import LENS, Array, Camera
 from rcdn.types.arrays import Real
 
@@ -20,6 +21,8 @@ picture determines"""
 RADIAL, TANGENTIAL = 1.0, 0.1
 """prior standard deviations of the other coefficients of a lens: those of real lenses are several times smaller, and a
 coefficient that the corners do not determine stays 0"""
+
+_rigid_points, _rigid_slopes = bind("rcdn_rigid_points"), bind("rcdn_rigid_slopes")
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,11 +239,8 @@ def _carried(state: State, corners: Corners3, first: Real[Array, "n 3"]) -> Real
 
 def _transformed(T: Real[Array, "f 4 4"], number: Real[Array, " n"], points: Real[Array, "n 3"]) -> Real[Array, "n 3"]:
     """`points` (N, 3) after the rigid motion `number` (N,) among `T`."""
-    x, y, z = np.ascontiguousarray(points.T)
-    rows = T[:, :3].reshape(len(T), 12).T.take(number, axis=1)
     out = np.empty((len(points), 3))
-    for axis, (a, b, c, t) in enumerate(rows.reshape(3, 4, len(points))):
-        out[:, axis] = a * x + b * y + c * z + t
+    _rigid_points(np.ascontiguousarray(T), np.ascontiguousarray(number, np.int64), np.ascontiguousarray(points), out)
     return out
 
 
@@ -320,11 +320,7 @@ def by_motion(by_point: Real[Array, "n 2 3"], points: Real[Array, "n 3"]) -> Rea
     """Derivatives (N, 2, 6) by a small motion, rotation before shift, of what depends on `points` (N, 3) with the
     derivatives `by_point` (N, 2, 3)."""
     out = np.empty((len(points), 2, 6))
-    x, y, z = np.ascontiguousarray(points.T)
-    for row in (0, 1):
-        a, b, c = np.ascontiguousarray(by_point[:, row].T)
-        out[:, row, 0], out[:, row, 1], out[:, row, 2] = y * c - z * b, z * a - x * c, x * b - y * a
-    out[:, :, 3:] = by_point
+    _rigid_slopes(np.ascontiguousarray(by_point), np.ascontiguousarray(points), out)
     return out
 
 

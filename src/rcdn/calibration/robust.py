@@ -35,6 +35,8 @@ ROUNDS, SETTLED = 20, 0.02
 corner becomes an outlier or an inlier"""
 LEAST_NOISE = 1e-4
 """px; least standard deviation of corners"""
+CLOSE = 1e-9
+"""relative error of a standard deviation that is found by bisection"""
 MEDIAN = 2 * np.log(2.0)
 """median of the squared length of a whitened residual"""
 
@@ -255,11 +257,12 @@ def _median_noise(gaps: Array, sigma: Real[Array, " n"]) -> float:
     seen = np.isfinite(square)
     if not seen.any():
         return 1.0
+    square, known = square[seen], sigma[seen] ** 2
 
     def excess(noise: float) -> float:
-        return float(np.median(square[seen] / (noise**2 + sigma[seen] ** 2))) - MEDIAN
+        return median(square / (noise**2 + known)) - MEDIAN
 
-    return _root(excess, float(np.sqrt(np.median(square[seen]) / MEDIAN)))
+    return _root(excess, float(np.sqrt(median(square) / MEDIAN)))
 
 
 def _noise(gaps: Array, sigma: Real[Array, " n"], unknowns: float) -> float:
@@ -277,6 +280,7 @@ def _root(excess: Callable[[float], float], most: float) -> float:
     """Root of the decreasing function `excess` between LEAST_NOISE and just above `most`, by bisection; the nearer end
     of the interval if there is none."""
     low, high = LEAST_NOISE, max(most * 1.001, 2 * LEAST_NOISE)
-    while low < (middle := (low + high) / 2) < high:
+    while high - low > CLOSE * high:
+        middle = (low + high) / 2
         low, high = (middle, high) if excess(middle) > 0 else (low, middle)
     return high

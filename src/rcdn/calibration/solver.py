@@ -8,7 +8,7 @@ poses are eliminated by the Schur complement (Triggs et al., Bundle Adjustment, 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -23,6 +23,7 @@ from rcdn.calibration.bundle import (
     parameters_of,
     residuals,
 )
+from rcdn.native import bind
 from rcdn.types import Array
 from rcdn.types.arrays import Real
 
@@ -43,6 +44,8 @@ FARTHEST = 1e8
 """whitened residual above which a corner is treated as one that the camera cannot see: its square must not overflow"""
 SCALE = 2.0
 """whitened residual above which the loss `soft_l1` grows linearly"""
+
+_weighted, _normal_blocks = bind("rcdn_weighted"), bind("rcdn_normal_blocks")
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,22 +87,6 @@ class Arrow:
         return own - self.reach @ x, x
 
 
-def _by_frame(left: Real[Array, "n 2 a"], right: Sequence[Array], frame: Array, frames: int) -> list[Array]:
-    """Sums (F, A, B) of leftᵀ right of the corners of each frame, for each `right` (N, 2, B)."""
-    if (np.diff(frame) < 0).any():
-        order = np.argsort(frame, kind="stable")
-        left, right, frame = left[order], [r[order] for r in right], frame[order]
-    starts = np.flatnonzero(np.diff(frame, prepend=-1))
-    rows = np.append(2 * starts, 2 * len(frame)).tolist()
-    out = [np.zeros((frames, left.shape[2], r.shape[2])) for r in right]
-    A, flat = _flat(left).T, [_flat(r) for r in right]
-    for k, start, end in zip(frame[starts].tolist(), rows, rows[1:], strict=False):
-        mine = A[:, start:end]
-        for sums, r in zip(out, flat, strict=True):
-            np.matmul(mine, r[start:end], out=sums[k])
-    return out
-
-
 def _flat(jacobian: Real[Array, "n 2 k"]) -> Array:
     """(2 N, K) the rows of all corners."""
     return jacobian.reshape(2 * len(jacobian), jacobian.shape[2])
@@ -137,7 +124,7 @@ def _inverse_root(blocks: Real[Array, "f n n"]) -> Array:
     """Upper triangular U (F, n, n) with U Uᵀ the inverse of symmetric `blocks`, whose eigenvalues below RIDGE count as
     RIDGE."""
     try:
-        inverse = np.linalg.inv(np.linalg.cholesky(blocks))
+        inverse = np.tril(np.linalg.inv(np.linalg.cholesky(blocks)))
         if (inverse**2).sum(axis=(1, 2)).max() < 1 / RIDGE:  # the trace of the inverse: no eigenvalue is below RIDGE
             return np.asarray(inverse.transpose(0, 2, 1))
     except np.linalg.LinAlgError:  # not positive definite
@@ -191,31 +178,18 @@ class Linear:
     @property
     def normal(self) -> Normal:
         """The normal equations, including the prior."""
-        parts = (self.by_frame, self.shared, self.gaps[:, :, None])
-        own, mixed, gradient = _by_frame(self.by_frame, parts, self.frame, self.frames)
         flat = _flat(self.shared)
-        shared = flat.T @ self.gaps.ravel() + self.pull
-        blocks = np.concatenate([own, mixed], axis=2)
-        return Normal(blocks, flat.T @ flat + self.precision, (gradient[:, :, 0], shared))
+        blocks, pull = np.empty((self.frames, 6, 6 + flat.shape[1])), np.empty((self.frames, 6))
+        frame = np.ascontiguousarray(self.frame, np.int64)
+        _normal_blocks(frame, self.gaps, self.by_frame, self.shared, blocks, pull)
+        return Normal(blocks, flat.T @ flat + self.precision, (pull, flat.T @ self.gaps.ravel() + self.pull))
 
 
 def _whitened(gaps: Array, by_frame: Array, shared: Array, weight: Array, loss: str) -> tuple[Array, Array, Array]:
-    """Residuals and Jacobians times the corners' weights, zero for corners that a camera cannot see. The Jacobians are
-    changed in place."""
-    gaps = gaps * weight[:, None]
-    blind = _unseen(gaps)
-    firm = np.where(blind, 0.0, weight)
-    calm = np.ones(1)
-    if loss == "soft_l1":
-        calm = (1 + (np.nan_to_num(gaps) / SCALE) ** 2) ** -0.25
-        gaps = gaps * calm
-    gaps[blind] = 0.0
-    for jacobian in (by_frame, shared):
-        with np.errstate(invalid="ignore"):
-            jacobian *= (firm[:, None] * calm)[:, :, None]
-        jacobian[firm == 0] = 0.0
-        if not np.isfinite(jacobian.sum()):
-            np.nan_to_num(jacobian, copy=False)
+    """Residuals and Jacobians times the corners' weights, zero for corners that a camera cannot see; changed in place,
+    but for `shared` if it isn't contiguous."""
+    shared = np.ascontiguousarray(shared)
+    _weighted(np.ascontiguousarray(weight, float), FARTHEST, SCALE * (loss == "soft_l1"), gaps, by_frame, shared)
     return gaps, by_frame, shared
 
 

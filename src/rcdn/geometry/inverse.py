@@ -6,8 +6,7 @@ import numpy as np
 
 from rcdn.errors import present
 from rcdn.geometry.correction import point_of, stereographic, surface_jacobian
-from rcdn.geometry.model_jacobians import distorted_with_jacobian
-from rcdn.geometry.models import fold, undistorted
+from rcdn.geometry.models import distorted_with_jacobian, fold, undistorted
 from rcdn.types import Array, Camera, LensCorrection
 from rcdn.types.arrays import Bool, Real
 
@@ -112,7 +111,7 @@ def _error(camera: Camera, correction: LensCorrection | None, u: Real[Array, "n 
     """Residual (N, 2): the distorted point of `u` (N, 2) minus `d`; and its Jacobian (N, 2, 2) with respect to u. NaN
     where `u` isn't visible."""
     with np.errstate(all="ignore"):
-        seen, by_point, _ = distorted_with_jacobian(camera, point_of(u))
+        seen, by_point = distorted_with_jacobian(camera, point_of(u))
         J = by_point[:, :, :2] - by_point[:, :, 2:] * (u / 2)[:, None, :]
         if correction is None:
             return seen - d, J

@@ -6,9 +6,12 @@ import numpy as np
 
 from rcdn.errors import RcdnError
 from rcdn.geometry.correction import basis, stereographic, stereographic_jacobian, surface_jacobian
-from rcdn.geometry.model_jacobians import distorted_with_jacobian
+from rcdn.geometry.models import pixels_with_jacobian
+from rcdn.native import bind
 from rcdn.types import Array, Camera
 from rcdn.types.arrays import Real
+
+_rotations = bind("rcdn_rotations")
 
 
 def project_with_jacobian(camera: Camera, points: Array) -> tuple[Array, Array, Array]:
@@ -41,24 +44,18 @@ def core_jacobian(camera: Camera, points: Array) -> tuple[Array, Array, Array]:
     points = np.asarray(points, float)
     if camera.model == "division":
         raise RcdnError("camera.model 'division' has no derivatives here; use brown, rational or fisheye")
-    d, by_point, by_lens = distorted_with_jacobian(camera, points)
-    if camera.correction is not None:
-        shift, by_u = surface_jacobian(camera.correction, stereographic(points))
-        d, by_point = d + shift, by_point + by_u @ stereographic_jacobian(points)
-    f = camera.K[[0, 1], [0, 1]]
-    jacobian = np.zeros((len(points), 2, camera.coefficients))
-    jacobian[:, [0, 1], [0, 1]] = d
-    jacobian[:, [0, 1], [2, 3]] = 1.0
-    jacobian[:, :, 4:] = by_lens * f[:, None]
-    return d @ camera.K[:2, :2].T + camera.K[:2, 2], by_point * f[:, None], jacobian
+    if camera.correction is None:
+        return pixels_with_jacobian(camera, points)
+    shift, by_u = surface_jacobian(camera.correction, stereographic(points))
+    return pixels_with_jacobian(camera, points, (shift, by_u @ stereographic_jacobian(points)))
 
 
 def rotation(vectors: Array) -> Real[Array, "... 3 3"]:
     """Rotation matrices (..., 3, 3) of rotation vectors (..., 3), rad (Rodrigues)."""
-    vectors = np.asarray(vectors, float)
-    K, angle2 = cross_matrix(vectors), (vectors**2).sum(axis=-1)[..., None, None]
-    a, b = _rodrigues(angle2)
-    return np.asarray(np.eye(3) + a * K + b * (K @ K))
+    vectors = np.ascontiguousarray(vectors, float)
+    out = np.empty((*vectors.shape, 3))
+    _rotations(vectors.reshape(-1, 3), out.reshape(-1, 3, 3))
+    return out
 
 
 def cross_matrix(vectors: Array) -> Real[Array, "... 3 3"]:
@@ -69,13 +66,3 @@ def cross_matrix(vectors: Array) -> Real[Array, "... 3 3"]:
     out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -z, y, -x
     out[..., 1, 0], out[..., 2, 0], out[..., 2, 1] = z, -y, x
     return out
-
-
-def _rodrigues(angle2: Array) -> tuple[Array, Array]:
-    """sin θ/θ and (1 − cos θ)/θ², given `angle2` = θ²; by their series for small θ."""
-    small = angle2 < 1e-8
-    square = np.where(small, 1.0, angle2)
-    angle = np.sqrt(square)
-    a = np.where(small, 1 - angle2 / 6, np.sin(angle) / angle)
-    b = np.where(small, 0.5 - angle2 / 24, (1 - np.cos(angle)) / square)
-    return a, b

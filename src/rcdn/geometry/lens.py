@@ -6,7 +6,7 @@ import numpy as np
 
 from rcdn.geometry.correction import stereographic, surface
 from rcdn.geometry.inverse import corrected_ray
-from rcdn.geometry.models import distorted, undistorted
+from rcdn.geometry.models import pixels_of, undistorted
 from rcdn.types import Array, Camera, Pose
 from rcdn.types.arrays import Real
 
@@ -26,10 +26,8 @@ def project(camera: Camera, points: Array) -> Real[Array, "... 2"]:
     """
     points = np.asarray(points, float)
     with np.errstate(all="ignore"):  # as in `unproject`
-        d = distorted(camera, points)
-        if camera.correction is not None:
-            d = d + surface(camera.correction, stereographic(points))
-        return d @ camera.K[:2, :2].T + camera.K[:2, 2]
+        shift = None if camera.correction is None else surface(camera.correction, stereographic(points))
+        return pixels_of(camera, points, shift)
 
 
 def unproject(camera: Camera, pixels: Array) -> Real[Array, "... 3"]:
