@@ -45,6 +45,9 @@ FARTHEST = 1e8
 SCALE = 2.0
 """whitened residual above which the loss `soft_l1` grows linearly"""
 
+MANY = 100
+"""shared parameters from which on each axis is looked at by itself"""
+
 _weighted, _normal_blocks = bind("rcdn_weighted"), bind("rcdn_normal_blocks")
 
 
@@ -182,7 +185,21 @@ class Linear:
         blocks, pull = np.empty((self.frames, 6, 6 + flat.shape[1])), np.empty((self.frames, 6))
         frame = np.ascontiguousarray(self.frame, np.int64)
         _normal_blocks(frame, self.gaps, self.by_frame, self.shared, blocks, pull)
-        return Normal(blocks, flat.T @ flat + self.precision, (pull, flat.T @ self.gaps.ravel() + self.pull))
+        return Normal(blocks, _squared(self.shared) + self.precision, (pull, flat.T @ self.gaps.ravel() + self.pull))
+
+
+def _squared(shared: Real[Array, "n 2 k"]) -> Real[Array, "k k"]:
+    """Products (K, K) of the columns of `shared`, summed over corners and axes. Of many parameters, control points of
+    a smooth correction, each moves corners along one axis only."""
+    if shared.shape[2] < MANY:
+        flat = _flat(shared)
+        return np.asarray(flat.T @ flat)
+    out = np.zeros((shared.shape[2], shared.shape[2]))
+    for axis in range(2):
+        own = np.flatnonzero(shared[:, axis].any(axis=0))
+        rows = shared[:, axis, own]
+        out[np.ix_(own, own)] += rows.T @ rows
+    return out
 
 
 def _whitened(gaps: Array, by_frame: Array, shared: Array, weight: Array, loss: str) -> tuple[Array, Array, Array]:
