@@ -88,6 +88,30 @@ def test_a_step_ends_where_the_parabola_along_it_does(curvature, length):
     assert solver._on_parabola(lambda t: (t, 7 - t + curvature * t**2), 7.0, 1.0)[0] == pytest.approx(length)
 
 
+@pytest.mark.parametrize("many", [8, solver.MANY, solver.MANY + 7])
+def test_normal_equations_are_products_of_the_dense_jacobian(many):
+    """With frames in any order, one without corners, and parameters that move corners along one axis only."""
+    rng = np.random.default_rng(2)
+    by_frame, shared, frame, _ = system(rng, shared=many, n=70)
+    for axis in range(2):
+        shared[:, axis, 2 + axis :: 2] = 0
+    flat = shared.reshape(-1, many)
+    gaps = rng.normal(size=(len(frame), 2))
+    order = rng.permutation(len(frame))
+    found = Linear(
+        gaps[order], by_frame[order], shared[order], frame[order], 4, np.zeros((many, many)), np.zeros(many)
+    ).normal
+    assert found.whole == pytest.approx(flat.T @ flat, abs=1e-9)
+    assert found.gradient[1] == pytest.approx(flat.T @ gaps.ravel(), abs=1e-9)
+    for f in range(3):
+        mine = frame == f
+        own, other = by_frame[mine].reshape(-1, 6), shared[mine].reshape(-1, many)
+        assert found.blocks[f] == pytest.approx(np.hstack([own.T @ own, own.T @ other]), abs=1e-9)
+        assert found.gradient[0][f] == pytest.approx(own.T @ gaps[mine].ravel(), abs=1e-9)
+    assert not found.blocks[3].any()
+    assert not found.gradient[0][3].any()
+
+
 def test_the_whole_step_stands_where_the_parabola_is_wrong():
     assert solver._on_parabola(lambda t: (t, 6.9 if t == 1 else 7.2), 7.0, 1.0) == (1.0, 6.9)
 

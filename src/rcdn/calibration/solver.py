@@ -216,8 +216,6 @@ def _unseen(gaps: Real[Array, "n 2"]) -> Array:
     return np.asarray(~(x & y))
 
 
-FEW_CAMERAS = 2
-"""up to which all corners' derivatives are multiplied at once"""
 AT_ONCE = 4_000_000
 """elements of the shared parameters' Jacobian that are kept in memory at once: larger problems are summed in parts"""
 
@@ -236,7 +234,7 @@ class Normal:
         """At one state, as `Linear.of`; the memory is proportional to frames × shared parameters, not to corners ×
         shared parameters."""
         each = max(AT_ONCE // (2 * sum(state.counts)), 1)
-        if len(state.cameras) > FEW_CAMERAS:
+        if len(state.cameras) > 1:
             return cls._by_camera(state, corners, weight, free, loss, each)
         if len(corners) <= each:
             return Linear.of(state, corners, weight, free, loss).normal
