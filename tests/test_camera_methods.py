@@ -46,6 +46,13 @@ def test_the_coefficients_are_taken_as_opencv_gives_them(shape):
     assert np.array_equal(camera.project(POINTS), BROWN.project(POINTS))
 
 
+@pytest.mark.parametrize("kind", [np.float32, np.int64, np.float64])
+def test_a_camera_matrix_is_taken_column_by_column_too(kind):
+    columns = np.array([[500, 0, 0], [0, 500, 0], [320, 240, 1]], kind)
+    camera = Camera(columns.T, np.zeros(5), BROWN.image_size)
+    assert np.array_equal(camera.project([0.1, 0.2, 1.0]), [370, 340])
+
+
 @pytest.mark.parametrize(("model", "count"), [("pinhole", 0), ("brown", 5), ("rational", 8), ("fisheye", 4)])
 def test_no_distortion_is_that_of_opencv(model, count):
     camera = Camera(BROWN.K, None, BROWN.image_size, model)

@@ -20,9 +20,10 @@ STAGES = ("corners", "boards", "precision", "targets")
 MODULES = sorted(path for stage in STAGES for path in (ROOT / "src/rcdn" / stage).glob("*.py"))
 MODULES += [ROOT / "src/rcdn" / f"{name}.py" for name in ("views", "pyramid", "detector", "config")]
 MACHINERY = {"elementary.c", "elementary.h", "kernel.h", "lanes.h", "levels.c", "levels.h", "maths.h", "module.c"}
-CALIBRATION = {"lens.c", "normal.c", "rigid.c"}
 """what of src/native holds no constants of detection: calls of kernels, levels of processors,
 series of elementary functions"""
+CALIBRATION = {"lens.c", "normal.c", "rigid.c"}
+"""kernels of calibrations, whose constants are not those of detection"""
 SOURCES = ("*derived*", "*paper*", "*experiment*", "*noted*", "*convention*", "*not measured: chosen by hand*")
 BRACES = r"\{(?:[^{}]|\{[^{}]*\})*\}"
 IN_C = re.compile(

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from rcdn.errors import RcdnError
-from rcdn.geometry import apply_homographies, apply_homography, homography, project, transform, unproject
+from rcdn.geometry import apply_homographies, apply_homography, homography, project, rotation, transform, unproject
 from rcdn.geometry.homography import depths, in_front
 from rcdn.types import Camera, Pose
 
@@ -240,3 +240,16 @@ def test_points_are_in_front_of_a_horizon_whatever_the_sign_of_its_homography(si
     assert [in_front(H, xy, 0.1) for xy in (here, far, behind)] == [True, False, False]
     assert in_front(H, far, 0.04)
     assert in_front(H, behind[1:], 0.1)
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-5, 1e-3, 0.7, np.pi, 5.0, 1e3, 1e7])
+def test_rotations_are_those_of_opencv(angle):
+    axes = np.random.default_rng(3).normal(size=(2, 5, 3))
+    vectors = angle * axes / np.linalg.norm(axes, axis=-1, keepdims=True)
+    R = rotation(vectors)
+    assert R.shape == (2, 5, 3, 3)
+    for v, found in zip(vectors.reshape(-1, 3), R.reshape(-1, 3, 3), strict=True):
+        assert found == pytest.approx(cv2.Rodrigues(v)[0], abs=1e-15 + 1e-15 * angle)
+    assert R @ R.swapaxes(-1, -2) == pytest.approx(np.broadcast_to(np.eye(3), R.shape), abs=1e-14)
+    assert rotation(vectors[0, 0]).shape == (3, 3)
+    assert rotation(np.zeros((0, 3))).shape == (0, 3, 3)

@@ -22,6 +22,7 @@ RIG_SETS = {
     "sourishg-stereo1": "stereo1",
     "rig-caliscope, four videos": "caliscope",
 }
+RIG_ROWS = {row["rig"]: row["rig"].split(",")[0] for row in rows("rigs")} | {"16 around a room, 512 moments": "the same"}
 PEOPLE = ("guided", "random", "coverage", "expert")
 FIGURES = ("step_permille", "span_permille", "step_scatter", "span_scatter", "rays_px", "board_px")
 
@@ -67,6 +68,16 @@ def test_rigs_on_photographs(title):
             assert states(text, row[name])
     if len(lines) == 2:  # `auto` chose OpenCV's lens model
         assert of_set["rcdn"]["step_permille"] == of_set["rcdn, brown"]["step_permille"]
+
+
+@pytest.mark.parametrize("row", [*rows("rigs"), *rows("rigs-large")], ids=lambda r: f"{r['rig']}, {r['moments']}")
+def test_simulated_rigs(row):
+    size = f"| {row['cameras']} | {row['moments']} |"
+    [found] = [line for line in RIGS.splitlines() if size in line and line.startswith(f"| {RIG_ROWS[row['rig']]}")]
+    *_, connected, one, three, seconds, memory = (cell.strip() for cell in found.strip(" |").split("|"))
+    assert connected == f"{row['connected']} of {row['rigs']}"
+    for text, key in ((one, "within_1"), (three, "within_3"), (seconds, "cpu_s"), (memory, "memory_MB")):
+        assert states(text, row[key])
 
 
 @pytest.mark.parametrize("row", rows("trust"), ids=lambda r: f"{r['model']}, {r['boards']}")

@@ -7,14 +7,15 @@
 enum { CENTRAL, FISHEYE, DIVISION, COEFFICIENTS = 8, CORE = 4, NEWTON = 20, BISECTIONS = 60 };
 CONSTANTS(lens, CENTRAL, FISHEYE, DIVISION, COEFFICIENTS)
 
-/* A fisheye's ray closer to the axis than this, rad, or focal lengths, is taken to be on it */
+/* Angle, rad, below which a point is on the axis for a fisheye's derivatives */
 #define NEAR_AXIS 1e-7
+/* Distance from the axis below which a point is on it: of a fisheye's point in its own unit, of a pixel in focal lengths */
 #define ON_AXIS 1e-12
 /* Largest |x / z| and |y / z| of the rays that are looked for */
 #define FARTHEST 20.0
 /* Largest error of a ray's distorted point, focal lengths, × (1 + radius) for a fisheye */
 #define GOOD 1e-10
-/* Steps of Newton's method end below this, focal lengths */
+/* Error below which Newton's method ends, focal lengths */
 #define EXACT 1e-13
 
 /* A distorted point, focal lengths, and its derivatives by the point and by the coefficients. */
@@ -74,7 +75,7 @@ INLINE double fisheye_radius(const double *k, double t, double *slope) {
     return t * (1 + t2 * (k[0] + t2 * (k[1] + t2 * (k[2] + t2 * k[3]))));
 }
 
-/* On the axis, derivatives are their limit, which doesn't depend on the direction of approach. */
+/* On the axis, derivatives are their limit, which doesn't depend on the direction of approach. hypot: no overflow. */
 INLINE void see_fisheye(const double *k, const double *p, const int slopes, Seen *out) {
     const double r = hypot(p[0], p[1]), z = p[2], t = angle_of(r, z), square = r * r + z * z;
     double slope;

@@ -3,8 +3,8 @@
 
 #include <float.h>
 
+/* Unknowns of a frame: a small motion of its board */
 enum { POSE = 6 };
-CONSTANTS(normal, POSE)
 
 /* Multiply a row of derivatives by a factor; 0 where they aren't finite. */
 INLINE void weigh(double *row, index_t width, double factor) {

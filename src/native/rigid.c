@@ -4,6 +4,7 @@
 
 /* Square of an angle, rad, below which the series of its functions are used */
 #define SMALL 1e-8
+#define TURN (2 * PI)
 
 /* Rotation matrices out (count, 3, 3) of rotation vectors (count, 3), rad (Rodrigues). */
 KERNEL(rcdn_rotations, (SIZE, count, vectors, 0), (IN, double, vectors, count, 3), (OUT, double, out, count, 3, 3)) {
@@ -11,7 +12,7 @@ KERNEL(rcdn_rotations, (SIZE, count, vectors, 0), (IN, double, vectors, count, 3
         const double x = vectors[3 * n], y = vectors[3 * n + 1], z = vectors[3 * n + 2];
         const double square = x * x + y * y + z * z, angle = sqrt(square);
         double c, s;
-        cosine_sine(angle, &c, &s);
+        cosine_sine(fmod(angle, TURN), &c, &s);
         const double a = square < SMALL ? 1 - square / 6 : s / angle,
                      b = square < SMALL ? 0.5 - square / 24 : (1 - c) / square;
         const double R[9] = {1 - b * (y * y + z * z), b * x * y - a * z,       b * x * z + a * y,

@@ -151,7 +151,7 @@ def agreement(a: Calibration, b: Calibration, found: Difference, inside: Real[Ar
     those, too. The mean square of the ratio is a weighted sum of χ² variables; its quantile is Satterthwaite's: that of
     χ² with the degrees of freedom that give the same variance (Biometrics Bulletin 2, 1946).
     """
-    from scipy.special import chdtrc, chdtri  # here: calibrations import this module, and need SciPy only seldom
+    from scipy.special import chdtrc, chdtri  # here: calibrations import this module for other functions
 
     inside = np.ones(len(found.points), bool) if inside is None else inside
     jacobian = _difference_jacobian(a.camera, b.camera, found.rotation, found.points, found.points[inside])

@@ -160,7 +160,7 @@ def _by_name(names: Sequence[str], info: ViewInformation, directions: Array) -> 
 
 def _probabilities(info: ViewInformation, directions: Array, masks: Array) -> Real[Array, "n q"]:
     """(n, q) two-sided p-values of the differences between groups."""
-    from scipy.special import stdtr  # here: SciPy takes longer to load than all of a calibration's own modules
+    from scipy.special import stdtr  # here: without it a calibration needs no SciPy until its verdict
 
     d = group_difference(info, directions, masks)
     return np.asarray(2 * stdtr(d.freedom, -np.abs(d.value) / np.maximum(d.std, 1e-300)))

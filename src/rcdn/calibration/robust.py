@@ -282,5 +282,5 @@ def _root(excess: Callable[[float], float], most: float) -> float:
     low, high = LEAST_NOISE, max(most * 1.001, 2 * LEAST_NOISE)
     while high - low > CLOSE * high:
         middle = (low + high) / 2
-        low, high = (middle, high) if excess(middle) > 0 else (low, middle)
+        low, high = (low, middle) if excess(middle) <= 0 else (middle, high)
     return high

@@ -70,7 +70,7 @@ def _beyond(array: Array, within: float) -> bool:
 
 
 def _numbers(value: Any, dtype: np.dtype[Any], called: str) -> Array:
-    """A copy of `value` as a plain array of native byte order, with every number unchanged."""
+    """A copy of `value` as a plain array of native byte order, row after row, with every number unchanged."""
     if type(value) is np.ndarray and value.dtype == dtype and value.size <= MOST_ELEMENTS:
         return value.copy()
     if np.ma.is_masked(value):
@@ -85,12 +85,12 @@ def _numbers(value: Any, dtype: np.dtype[Any], called: str) -> Array:
         if not kept and raw.dtype.kind != "O":
             raise TypeError(f"not {raw.dtype}")
         if kept and (raw.dtype == dtype or dtype.kind == "f"):
-            return np.array(raw, dtype=dtype)
+            return np.array(raw, dtype=dtype, order="C")
         if dtype.kind == "f":
-            return np.array(value, dtype=dtype)
+            return np.array(value, dtype=dtype, order="C")
         plain = raw if kept else np.array(value, dtype=float)
         with np.errstate(invalid="ignore"):
-            array = plain.astype(dtype)
+            array = plain.astype(dtype, order="C")
         whole = bool((array == plain).all())
     except (ValueError, TypeError, OverflowError, RecursionError) as error:
         raise RcdnError(f"{called} must hold numbers in rows of equal length: {error}") from error
