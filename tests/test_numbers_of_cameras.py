@@ -22,7 +22,8 @@ RIG_SETS = {
     "sourishg-stereo1": "stereo1",
     "rig-caliscope, four videos": "caliscope",
 }
-RIG_ROWS = {row["rig"]: row["rig"].split(",")[0] for row in rows("rigs")} | {"16 around a room, 512 moments": "the same"}
+RIG_ROWS = {row["rig"]: row["rig"].split(",")[0] for row in rows("rigs")}
+RIG_ROWS["16 around a room, 512 moments"] = "the same"
 PEOPLE = ("guided", "random", "coverage", "expert")
 FIGURES = ("step_permille", "span_permille", "step_scatter", "span_scatter", "rays_px", "board_px")
 

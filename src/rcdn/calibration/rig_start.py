@@ -7,9 +7,6 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial.transform import Rotation
 
 from rcdn.calibration.relative_pose import hypotheses, matrix
 from rcdn.geometry import rotation
@@ -58,6 +55,9 @@ def edges_of(cameras: Sequence[Calibration], sights: Sights) -> list[Edge]:
 
 def components_of(count: int, edges: Sequence[Edge]) -> list[list[int]]:
     """Connected components of the cameras, the largest first."""
+    from scipy.sparse import coo_matrix  # here: reports of single cameras import this module, too
+    from scipy.sparse.csgraph import connected_components
+
     ends = np.array([(e.a, e.b) for e in edges]).reshape(-1, 2)
     graph = coo_matrix((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(count, count))
     _, label = connected_components(graph, directed=False)
@@ -84,6 +84,8 @@ def averaged(places: dict[int, Array], edges: Sequence[Edge]) -> dict[int, Array
 
     Chatterjee and Govindu, Efficient and robust large-scale rotation averaging, 2013.
     """
+    from scipy.spatial.transform import Rotation
+
     order = list(places)
     mine = [e for e in edges if e.a in places and e.b in places]
     if len(order) < 3:
