@@ -8,7 +8,7 @@ import sys
 import time
 from contextlib import ExitStack
 
-from tests.sanitized.battery import PARTS
+from tests.sanitized.battery import BASELINE, PARTS
 from tests.sanitized.build import BUILD, COMPILER, ROOT, library, runtime
 
 
@@ -25,15 +25,17 @@ def main() -> int:
         "LD_PRELOAD": " ".join(map(str, preload)),
         "ASAN_OPTIONS": "detect_leaks=0:allocator_may_return_null=1:detect_stack_use_after_return=1",
         "UBSAN_OPTIONS": "print_stacktrace=0",
-        "PYTHONPATH": os.pathsep.join([str(ROOT / "src"), str(ROOT)]),
+        "PYTHONPATH": os.pathsep.join([str(ROOT / "src"), str(ROOT / "lab/src"), str(ROOT)]),
         "PYTHONMALLOC": "malloc",
     }
+    baseline = {"RCDN_LEVEL": "baseline"}
     outputs = [BUILD / f"said-{part}.txt" for part in PARTS]
     with ExitStack() as stack:
         running = [
             subprocess.Popen(
                 [sys.executable, "-m", "tests.sanitized.battery", str(built), part],
-                env=environment, cwd=ROOT, stderr=stack.enter_context(output.open("wb")),
+                env=environment | (baseline if part in BASELINE else {}), cwd=ROOT,
+                stderr=stack.enter_context(output.open("wb")),
             )
             for part, output in zip(PARTS, outputs, strict=True)
         ]  # fmt: skip

@@ -13,6 +13,8 @@ from typing import Any
 SIDES = (1, 2, 3, 4, 5, 7, 11, 16, 23, 33, 61, 95)
 PARTS = {"detections": (("kernels", 4000),), "arrays": (("arrays", 120), ("sharpening", 60))}
 """part → fuzz targets and their inputs; kernels are called with what they were given in detections, which come first"""
+BASELINE = {"arrays"}
+"""parts in which kernels take no more than the baseline's instructions; in others, the most that the processor has"""
 SEED = 27
 
 

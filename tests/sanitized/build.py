@@ -16,12 +16,14 @@ BUILD = ROOT / "build" / "sanitized"
 COMPILER = os.environ.get("CC", "gcc")
 SANITIZERS = "address,undefined,float-cast-overflow,bounds-strict"
 FLAGS = (
-    "-fPIC", "-std=c11", "-O1", "-g", "-fno-omit-frame-pointer", f"-fsanitize={SANITIZERS}", "-DONE_LEVEL",
+    "-fPIC", "-std=c11", "-O1", "-g", "-fno-omit-frame-pointer", f"-fsanitize={SANITIZERS}",
     "-ffp-contract=fast", "-fno-math-errno", "-fno-trapping-math",
     "-fno-signed-zeros", "-fassociative-math", "-freciprocal-math", "-fvisibility=hidden", "-Wno-psabi",
     "-Wno-unknown-pragmas",
 )  # fmt: skip
 """undefined behaviour is told and goes on, so that one run tells all; a bad address ends it"""
+LEVELLED = {"levels.c", "network.c"}
+"""sources built for every level of the processor, since their code differs between levels; of others, the baseline"""
 
 
 def runtime() -> list[Path] | None:
@@ -56,14 +58,15 @@ def library() -> Path:
 
 def _compiled(source: Path, headers: bytes) -> Path:
     """The object file of a source; its name tells what it was made of."""
-    made_of = hashlib.sha256(headers + source.read_bytes() + " ".join((COMPILER, *FLAGS)).encode()).hexdigest()[:16]
+    flags = FLAGS if source.name in LEVELLED else (*FLAGS, "-DONE_LEVEL")
+    made_of = hashlib.sha256(headers + source.read_bytes() + " ".join((COMPILER, *flags)).encode()).hexdigest()[:16]
     out = BUILD / f"{source.stem}-{made_of}.o"
     if not out.exists():
         for old in BUILD.glob(f"{source.stem}-*.o"):
             old.unlink()
         new = out.with_suffix(".new")
         subprocess.run(
-            [COMPILER, *FLAGS, f"-I{sysconfig.get_paths()['include']}", "-c", str(source), "-o", str(new)], check=True
+            [COMPILER, *flags, f"-I{sysconfig.get_paths()['include']}", "-c", str(source), "-o", str(new)], check=True
         )
         new.replace(out)
     return out
