@@ -34,7 +34,7 @@ _HOMES = {
 
 
 def __getattr__(name: str) -> Any:
-    """Import what is for more cameras than one, or for poses, at its first use: a third of the time of the others."""
+    """Import what pairs, rigs and poses need at its first use: the calibration of one camera needs none of it."""
     if name not in _HOMES:
         raise AttributeError(f"module 'rcdn.calibration' has no attribute {name!r}")
     return getattr(import_module(f"rcdn.calibration.{_HOMES[name]}"), name)
