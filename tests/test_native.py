@@ -108,7 +108,7 @@ def use_the_package():
 
 
 def use_calibration(ij, xy):
-    """What a calibration calls, of two frames that show a board as the first quarter of a turn leaves it."""
+    """What a calibration calls: corners of a board in two frames, and projection with shifted distorted points."""
     camera = Camera(np.array([[380.0, 0, 160], [0, 380, 120], [0, 0, 1]]), np.full(5, 0.01), (320, 240))
     poses = np.tile(np.eye(4), (2, 1, 1))
     poses[:, :3, :3], poses[:, 2, 3] = geometry.rotation(np.array([[0.1, 0.2, 0.3], [0.2, 0.1, 0.3]])), 0.4

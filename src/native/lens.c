@@ -21,11 +21,16 @@ CONSTANTS(lens, CENTRAL, FISHEYE, DIVISION, COEFFICIENTS)
 /* A distorted point, focal lengths, and its derivatives by the point and by the coefficients. */
 typedef struct {
     double d[2], by_point[2][3], by_lens[2][COEFFICIENTS];
-} Seen;
+} Distorted;
+
+/* Denominator of a central lens's radial factor at a squared radius. */
+INLINE double denominator(const double *k, double r2) {
+    return 1 + r2 * (k[5] + r2 * (k[6] + r2 * k[7]));
+}
 
 /* Radial factor of a central lens at a squared radius, and its derivative. */
 INLINE double radial_factor(const double *k, double r2, double *slope) {
-    const double below = 1 + r2 * (k[5] + r2 * (k[6] + r2 * k[7]));
+    const double below = denominator(k, r2);
     const double factor = (1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]))) / below;
     *slope = (k[0] + r2 * (2 * k[1] + r2 * 3 * k[4]) - factor * (k[5] + r2 * (2 * k[6] + r2 * 3 * k[7]))) / below;
     return factor;
@@ -44,7 +49,7 @@ INLINE void distort_central(const double *k, const double *n, double *d, double 
     by_n[2] = g + 2 * y * y * slope + 6 * p1 * y + 2 * p2 * x;
 }
 
-INLINE void see_central(const double *k, const double *p, const int slopes, Seen *out) {
+INLINE void central_point(const double *k, const double *p, const int slopes, Distorted *out) {
     const double z = p[2] > 0 ? p[2] : NAN, n[2] = {p[0] / z, p[1] / z};
     double s[3];
     distort_central(k, n, out->d, s);
@@ -55,8 +60,8 @@ INLINE void see_central(const double *k, const double *p, const int slopes, Seen
         out->by_point[a][1] = s[a + 1] / z;
         out->by_point[a][2] = -(s[a] * n[0] + s[a + 1] * n[1]) / z;
     }
-    const double r2 = n[0] * n[0] + n[1] * n[1], below = 1 + r2 * (k[5] + r2 * (k[6] + r2 * k[7]));
-    double slope, power = r2 / below;
+    const double r2 = n[0] * n[0] + n[1] * n[1];
+    double slope, power = r2 / denominator(k, r2);
     const double g = radial_factor(k, r2, &slope);
     for (int i = 0; i < 3; i++, power *= r2)
         for (int a = 0; a < 2; a++) {
@@ -75,8 +80,9 @@ INLINE double fisheye_radius(const double *k, double t, double *slope) {
     return t * (1 + t2 * (k[0] + t2 * (k[1] + t2 * (k[2] + t2 * k[3]))));
 }
 
-/* On the axis, derivatives are their limit, which doesn't depend on the direction of approach. hypot: no overflow. */
-INLINE void see_fisheye(const double *k, const double *p, const int slopes, Seen *out) {
+/* On the axis, derivatives are their limit, which doesn't depend on the direction of approach. Squares of
+ * far points would overflow without hypot. */
+INLINE void fisheye_point(const double *k, const double *p, const int slopes, Distorted *out) {
     const double r = hypot(p[0], p[1]), z = p[2], t = angle_of(r, z), square = r * r + z * z;
     double slope;
     const double radius = fisheye_radius(k, t, &slope), scale = r > ON_AXIS ? radius / r : r <= ON_AXIS ? 1 : NAN;
@@ -99,20 +105,20 @@ INLINE void see_fisheye(const double *k, const double *p, const int slopes, Seen
 }
 
 /* d ÷ (1 + k·|d|²) = (x, y) ÷ z: of its two roots the one that is 0 on the axis. */
-INLINE void see_division(const double *k, const double *p, Seen *out) {
+INLINE void division_point(const double *k, const double *p, Distorted *out) {
     const double z = p[2], scale = 2 / (z + sqrt(z * z - 4 * k[0] * (p[0] * p[0] + p[1] * p[1])));
     const int seen = scale > 0 && scale < INFINITY && (z > 0 || k[0] < 0);
     out->d[0] = p[0] * (seen ? scale : NAN);
     out->d[1] = p[1] * (seen ? scale : NAN);
 }
 
-INLINE void see(index_t model, const double *k, const double *p, const int slopes, Seen *out) {
+INLINE void distort(index_t model, const double *k, const double *p, const int slopes, Distorted *out) {
     if (model == CENTRAL)
-        see_central(k, p, slopes, out);
+        central_point(k, p, slopes, out);
     else if (model == FISHEYE)
-        see_fisheye(k, p, slopes, out);
+        fisheye_point(k, p, slopes, out);
     else
-        see_division(k, p, out);
+        division_point(k, p, out);
 }
 
 /* Pixel xy (2) of a distorted point by the camera matrix K (3, 3). */
@@ -127,11 +133,11 @@ KERNEL(rcdn_lens_pixels, (INT, model, CENTRAL, DIVISION), (IN, double, k, COEFFI
        (SIZE, count, points, 0), (IN, double, points, count, 3), (SIZE, shifted, shift, 0),
        (IN, double, shift, shifted, 2), (WHERE, shifted == 0 || shifted == count), (OUT, double, xy, count, 2)) {
     for (index_t n = 0; n < count; n++) {
-        Seen seen;
-        see(model, k, points + 3 * n, 0, &seen);
+        Distorted point;
+        distort(model, k, points + 3 * n, 0, &point);
         for (int a = 0; a < 2; a++)
-            seen.d[a] += shifted ? shift[2 * n + a] : 0;
-        to_pixel(K, seen.d, xy + 2 * n);
+            point.d[a] += shifted ? shift[2 * n + a] : 0;
+        to_pixel(K, point.d, xy + 2 * n);
     }
     return 0;
 }
@@ -146,22 +152,22 @@ KERNEL(rcdn_lens_slopes, (INT, model, CENTRAL, FISHEYE), (IN, double, k, COEFFIC
        (SIZE, width, by_core, 2), (WHERE, CORE <= width && width <= CORE + COEFFICIENTS),
        (OUT, double, by_core, count, 2, width)) {
     for (index_t n = 0; n < count; n++) {
-        Seen seen = {{0}}; /* coefficients that a model hasn't have no effect */
-        see(model, k, points + 3 * n, 1, &seen);
+        Distorted point = {{0}}; /* coefficients that a model hasn't have no effect */
+        distort(model, k, points + 3 * n, 1, &point);
         for (int a = 0; a < 2; a++) {
             const double f = K[4 * a];
             double *core = by_core + (2 * n + a) * width;
-            seen.d[a] += shifted ? shift[2 * n + a] : 0;
+            point.d[a] += shifted ? shift[2 * n + a] : 0;
             for (int b = 0; b < 3; b++)
                 by_point[(2 * n + a) * 3 + b] =
-                    (seen.by_point[a][b] + (shifted ? by_shift[(2 * n + a) * 3 + b] : 0)) * f;
-            core[a] = seen.d[a];
+                    (point.by_point[a][b] + (shifted ? by_shift[(2 * n + a) * 3 + b] : 0)) * f;
+            core[a] = point.d[a];
             core[1 - a] = core[3 - a] = 0;
             core[2 + a] = 1;
             for (index_t i = CORE; i < width; i++)
-                core[i] = seen.by_lens[a][i - CORE] * f;
+                core[i] = point.by_lens[a][i - CORE] * f;
         }
-        to_pixel(K, seen.d, xy + 2 * n);
+        to_pixel(K, point.d, xy + 2 * n);
     }
     return 0;
 }

@@ -4,6 +4,7 @@
 
 /* Square of an angle, rad, below which the series of its functions are used */
 #define SMALL 1e-8
+/* A whole turn, rad */
 #define TURN (2 * PI)
 
 /* Rotation matrices out (count, 3, 3) of rotation vectors (count, 3), rad (Rodrigues). */

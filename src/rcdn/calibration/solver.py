@@ -46,7 +46,7 @@ SCALE = 2.0
 """whitened residual above which the loss `soft_l1` grows linearly"""
 
 MANY = 100
-"""shared parameters from which on each axis is looked at by itself"""
+"""number of shared parameters from which on the rows of each axis are multiplied separately"""
 
 _weighted, _normal_blocks = bind("rcdn_weighted"), bind("rcdn_normal_blocks")
 
@@ -185,12 +185,12 @@ class Linear:
         blocks, pull = np.empty((self.frames, 6, 6 + flat.shape[1])), np.empty((self.frames, 6))
         frame = np.ascontiguousarray(self.frame, np.int64)
         _normal_blocks(frame, self.gaps, self.by_frame, self.shared, blocks, pull)
-        return Normal(blocks, _squared(self.shared) + self.precision, (pull, flat.T @ self.gaps.ravel() + self.pull))
+        return Normal(blocks, _gram(self.shared) + self.precision, (pull, flat.T @ self.gaps.ravel() + self.pull))
 
 
-def _squared(shared: Real[Array, "n 2 k"]) -> Real[Array, "k k"]:
-    """Products (K, K) of the columns of `shared`, summed over corners and axes. Of many parameters, control points of
-    a smooth correction, each moves corners along one axis only."""
+def _gram(shared: Real[Array, "n 2 k"]) -> Real[Array, "k k"]:
+    """Gram matrix (K, K) of the columns of `shared`. Many parameters are mostly control points of a smooth correction,
+    each of which moves corners along one axis only: then each axis is multiplied without the columns that are zero."""
     if shared.shape[2] < MANY:
         flat = _flat(shared)
         return np.asarray(flat.T @ flat)
