@@ -254,6 +254,19 @@ def test_corners_without_weight_do_not_pull():
     assert b.cameras[0].parameters == pytest.approx(a.cameras[0].parameters, rel=1e-9, abs=1e-9)
 
 
+@pytest.mark.parametrize("far", [np.nan, 1e12])
+def test_corners_that_no_camera_can_see_do_not_pull(far):
+    """Their derivatives are finite, too, where it is the residual that is out of bounds."""
+    state, corners = mono("brown", views=4)
+    xy, weight = corners.xy.copy(), fives(corners)
+    xy[::7, 0], weight[::7] = far, 0.0
+    a = Normal.of(state, replace(corners, xy=xy), fives(corners), default_free(state))
+    b = Normal.of(state, corners, weight, default_free(state))
+    assert np.array_equal(a.blocks, b.blocks)
+    assert np.array_equal(a.whole, b.whole)
+    assert all(np.array_equal(x, y) for x, y in zip(a.gradient, b.gradient, strict=True))
+
+
 # ---- against OpenCV
 
 FLAGS = {"pinhole": 0, "brown": 0, "rational": cv2.CALIB_RATIONAL_MODEL}
