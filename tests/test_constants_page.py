@@ -22,7 +22,7 @@ MODULES += [ROOT / "src/rcdn" / f"{name}.py" for name in ("views", "pyramid", "d
 MACHINERY = {"elementary.c", "elementary.h", "kernel.h", "lanes.h", "levels.c", "levels.h", "maths.h", "module.c"}
 """what of src/native holds no constants of detection: calls of kernels, levels of processors,
 series of elementary functions"""
-CALIBRATION = {"lens.c", "normal.c", "rigid.c"}
+CALIBRATION = {"lens.c", "normal.c", "plane_pose.c", "rigid.c"}
 """kernels of calibrations, whose constants are not those of detection"""
 SOURCES = ("*derived*", "*paper*", "*experiment*", "*noted*", "*convention*", "*not measured: chosen by hand*")
 BRACES = r"\{(?:[^{}]|\{[^{}]*\})*\}"

@@ -26,7 +26,7 @@ from rcdn.types import Camera
 
 edges, fragments, local = (import_module(f"rcdn.boards.{name}") for name in ("edges", "fragments", "local"))
 gains, rectify = (import_module(f"rcdn.targets.{name}") for name in ("gains", "rectify"))
-bundle, solver = (import_module(f"rcdn.calibration.{name}") for name in ("bundle", "solver"))
+bundle, solver, start = (import_module(f"rcdn.calibration.{name}") for name in ("bundle", "solver", "start"))
 models = import_module("rcdn.geometry.models")
 orientation, sieve, symmetry = (import_module(f"rcdn.corners.{name}") for name in ("orientation", "sieve", "symmetry"))
 fit, lattice, smooth, surroundings, window = (
@@ -115,7 +115,8 @@ def use_calibration(ij, xy):
     zero = np.zeros(len(ij), int)
     corners = bundle.Corners3(ij[:, 0] % 2, zero, ij * 0.03, xy, np.ones((len(xy), 1)))
     state = bundle.State.mono(camera, poses, np.zeros((1, 3)))
-    solver.Normal.of(state, corners, np.ones(len(xy)), bundle.default_free(state))
+    solver.solve(state, corners, np.ones(len(xy)), bundle.default_free(state), iterations=1)
+    start.poses(camera, [start.Seen(ij * 0.03, xy)])
     there = np.tile([[0.1, 0.2, 1.0]], (4, 1))
     shift = np.zeros((4, 2)), np.zeros((4, 2, 3))
     models.pixels_with_jacobian(camera, there, shift)

@@ -3,8 +3,9 @@
 
 #include <float.h>
 
-/* Unknowns of a frame: a small motion of its board */
-enum { POSE = 6 };
+/* POSE: unknowns of a frame, a small motion of its board; LARGEST: rows of matrices that are inverted here */
+enum { POSE = 6, LARGEST = 32 };
+CONSTANTS(normal, LARGEST)
 
 /* Multiply a row of derivatives by a factor; 0 where they aren't finite. */
 INLINE void weigh(double *row, index_t width, double factor) {
@@ -37,20 +38,51 @@ FAST_KERNEL(rcdn_weighted, (SIZE, count, gaps, 0), (IN, double, weight, count), 
     return 0;
 }
 
-/* Of the corners of each of `frames` frames, sums of products of their derivatives by_frame (count, 2, POSE) with
- * themselves and with `shared` (count, 2, width), side by side in blocks (frames, POSE, POSE + width), and with gaps
- * (count, 2) in pull (frames, POSE). */
-FAST_KERNEL(rcdn_normal_blocks, (SIZE, count, gaps, 0), (SIZE, frames, pull, 0),
+/* The cost out (1) of residuals gaps (count, 2): the sum of the squares of these times the corners' weights, or, where
+ * `soft` isn't 0, of the loss soft_l1 of that scale for each axis; `behind` stands for both residuals of a corner one of
+ * whose isn't below `far` then. Corners without weight do not count. */
+KERNEL(rcdn_cost, (SIZE, count, gaps, 0), (IN, double, gaps, count, 2), (IN, double, weight, count), (REAL, far),
+            (REAL, behind), (REAL, soft), (OUT, double, out, 1)) {
+    double total = 0;
+    for (index_t n = 0; n < count; n++) {
+        const double x = gaps[2 * n] * weight[n], y = gaps[2 * n + 1] * weight[n];
+        const int seen = fabs(x) < far && fabs(y) < far;
+        for (int axis = 0; axis < 2 && weight[n] > 0; axis++) {
+            const double value = !seen ? behind : axis ? y : x, share = soft > 0 ? value / soft : 0;
+            total += soft > 0 ? 2 * soft * soft * (sqrt(1 + share * share) - 1) : value * value;
+        }
+    }
+    out[0] = total;
+    return 0;
+}
+
+/* Add the sums of one frame, room (POSE, POSE + width), to its rows of blocks (POSE, across), those of parameters to
+ * their `columns` after the frame's own, and make them zero. */
+INLINE void add_frame(double *room, const int64_t *columns, index_t width, double *blocks, index_t across) {
+    for (int a = 0; a < POSE; a++) {
+        const double *sums = room + a * (POSE + width);
+        for (int b = 0; b < POSE; b++)
+            blocks[a * across + b] += sums[b];
+        for (index_t k = 0; k < width; k++)
+            blocks[a * across + POSE + columns[k]] += sums[POSE + k];
+    }
+    memset(room, 0, (size_t)(POSE * (POSE + width)) * sizeof *room);
+}
+
+/* Add, of the corners of each of `frames` frames, sums of products of their derivatives by_frame (count, 2, POSE): with
+ * themselves, and with the derivatives `shared` (count, 2, width) by parameters with the numbers `columns` (width), side
+ * by side to blocks (frames, POSE, across); with gaps (count, 2) to pull (frames, POSE). */
+FAST_KERNEL(rcdn_normal_blocks, (SIZE, count, gaps, 0), (SIZE, frames, pull, 0), (SIZE, across, blocks, 2),
             (WITHIN, int64_t, frame, 0, frames - 1, count), (IN, double, gaps, count, 2),
             (IN, double, by_frame, count, 2, POSE), (SIZE, width, shared, 2), (IN, double, shared, count, 2, width),
-            (OUT, double, blocks, frames, POSE, POSE + width), (OUT, double, pull, frames, POSE)) {
-    memset(blocks, 0, (size_t)(frames * POSE * (POSE + width)) * sizeof *blocks);
-    memset(pull, 0, (size_t)(frames * POSE) * sizeof *pull);
+            (WITHIN, int64_t, columns, 0, across - POSE - 1, width), (ROOM, double, room, POSE *(POSE + width)),
+            (OUT, double, blocks, frames, POSE, across), (OUT, double, pull, frames, POSE), (WHERE, across >= POSE)) {
+    memset(room, 0, (size_t)(POSE * (POSE + width)) * sizeof *room);
     for (index_t n = 0; n < 2 * count; n++) {
         const double *own = by_frame + n * POSE, *other = shared + n * width;
         const index_t f = frame[n / 2];
         for (int a = 0; a < POSE; a++) {
-            double *restrict row = blocks + (f * POSE + a) * (POSE + width);
+            double *restrict row = room + a * (POSE + width);
             const double s = own[a];
             for (int b = 0; b < POSE; b++)
                 row[b] += s * own[b];
@@ -58,6 +90,74 @@ FAST_KERNEL(rcdn_normal_blocks, (SIZE, count, gaps, 0), (SIZE, frames, pull, 0),
                 row[POSE + k] += s * other[k];
             pull[f * POSE + a] += s * gaps[n];
         }
+        if (n + 1 == 2 * count || frame[(n + 1) / 2] != f)
+            add_frame(room, columns, width, blocks + f * POSE * across, across);
     }
     return 0;
+}
+
+/* Inverse in place of a lower triangular matrix (n, n), and the sum of its squares: the trace of the inverse of the
+ * matrix whose factor it is. */
+INLINE double invert_lower(index_t n, double *m) {
+    double trace = 0;
+    for (index_t k = 0; k < n; k++) {
+        double *row = m + k * LARGEST;
+        const double pivot = row[k];
+        for (index_t j = 0; j < k; j++) {
+            double sum = 0;
+            for (index_t l = j; l < k; l++)
+                sum += row[l] * m[l * LARGEST + j];
+            m[k + j * LARGEST] = -sum / pivot; /* in the upper triangle, until the whole row is there */
+        }
+        for (index_t j = 0; j < k; j++) {
+            row[j] = m[k + j * LARGEST];
+            trace += row[j] * row[j];
+        }
+        row[k] = 1 / pivot;
+        trace += row[k] * row[k];
+    }
+    return trace;
+}
+
+/* Cholesky's lower factor in place of a symmetric matrix (n, n), from its lower triangle. Returns whether it is positive
+ * definite. */
+INLINE int factorise(index_t n, double *m) {
+    for (index_t k = 0; k < n; k++)
+        for (index_t j = 0; j <= k; j++) {
+            double *row = m + k * LARGEST, *other = m + j * LARGEST, sum = row[j];
+            for (index_t l = 0; l < j; l++)
+                sum -= row[l] * other[l];
+            if (j == k && !(sum > 0))
+                return 0;
+            row[j] = j < k ? sum / other[j] : sqrt(sum);
+        }
+    return 1;
+}
+
+/* Upper triangular out (count, n, n): for each symmetric block (n, n) the factor of its inverse, whose product with its
+ * transpose that is. Diagonals are at least `least` × `whole` (count, n), those before other unknowns were eliminated;
+ * parameters whose `whole` isn't positive get zeros. Returns the number of the first block that isn't positive definite,
+ * or the trace of whose inverse exceeds `most` when its diagonal is made 1; `count` if there is none. */
+KERNEL(rcdn_inverse_factors, (SIZE, count, blocks, 0), (SIZE, n, blocks, 1), (IN, double, blocks, count, n, n),
+            (IN, double, whole, count, n), (REAL, least), (REAL, most), (OUT, double, out, count, n, n),
+            (WHERE, n <= LARGEST)) {
+    for (index_t f = 0; f < count; f++) {
+        const double *block = blocks + f * n * n, *before = whole + f * n;
+        double m[LARGEST * LARGEST], unit[LARGEST], *to = out + f * n * n;
+        for (index_t k = 0; k < n; k++) {
+            const double own = block[k * n + k], floor = least * before[k];
+            unit[k] = floor > 0 ? sqrt(own > floor ? own : floor) : 0;
+        }
+        for (index_t k = 0; k < n; k++)
+            for (index_t j = 0; j <= k; j++) {
+                const double both = (block[k * n + j] + block[j * n + k]) / 2;
+                m[k * LARGEST + j] = unit[k] * unit[j] != 0 ? both / (unit[k] * unit[j]) : j == k;
+            }
+        if (!factorise(n, m) || !(invert_lower(n, m) < most))
+            return f;
+        for (index_t k = 0; k < n; k++)
+            for (index_t j = 0; j < n; j++)
+                to[k * n + j] = j >= k && unit[k] * unit[j] != 0 ? m[j * LARGEST + k] / unit[k] : 0;
+    }
+    return count;
 }

@@ -50,3 +50,17 @@ KERNEL(rcdn_rigid_slopes, (SIZE, count, points, 0), (IN, double, by_point, count
         }
     return 0;
 }
+
+/* Derivatives out (count, 2, 3) by points before the motion `number` (count) of T (motions, 4, 4) each, of what has the
+ * derivatives by_point (count, 2, 3) by those after it. */
+KERNEL(rcdn_slopes_before, (SIZE, motions, T, 0), (IN, double, T, motions, 4, 4), (SIZE, count, by_point, 0),
+       (WITHIN, int64_t, number, 0, motions - 1, count), (IN, double, by_point, count, 2, 3),
+       (OUT, double, out, count, 2, 3)) {
+    for (index_t n = 0; n < count; n++)
+        for (int row = 0; row < 2; row++) {
+            const double *R = T + 16 * number[n], *s = by_point + 3 * (2 * n + row);
+            for (int a = 0; a < 3; a++)
+                out[3 * (2 * n + row) + a] = s[0] * R[a] + s[1] * R[4 + a] + s[2] * R[8 + a];
+        }
+    return 0;
+}

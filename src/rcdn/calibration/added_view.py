@@ -127,11 +127,12 @@ def variances(
     moved, root = more.reach @ (prior.root / (n + 1)), more.root @ prior.root
     # variance of the projections with the Jacobian rows − flat moved, less what the view's corners tell of it
     # (Woodbury's identity)
-    square = (rows**2).sum(axis=1) - 2 * ((rows @ moved.transpose(0, 2, 1)) * flat).sum(axis=2)
-    square += ((flat @ (own + moved @ moved.transpose(0, 2, 1))) * flat).sum(axis=2)
+    square = (rows**2).sum(axis=1) - 2 * np.einsum("cgm,gm->cg", rows @ moved.transpose(0, 2, 1), flat)
+    square += np.einsum("cgm,gm->cg", flat @ (own + moved @ moved.transpose(0, 2, 1)), flat)
     told = root @ rows.T - (root @ moved.transpose(0, 2, 1)) @ flat.T
     lower = np.linalg.cholesky(np.eye(root.shape[1]) + root @ root.transpose(0, 2, 1))
-    square -= (np.linalg.solve(lower, told) ** 2).sum(axis=1)
+    told = np.linalg.inv(lower) @ told  # faster than to solve it
+    square -= np.einsum("cmg,cmg->cg", told, told)
     return np.asarray(np.maximum(square, 0.0).reshape(-1, many, 2).mean(axis=2))
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass, field, replace
-from typing import Any
+from functools import cached_property
+from itertools import accumulate, pairwise
 
 import numpy as np
 
@@ -22,7 +23,11 @@ RADIAL, TANGENTIAL = 1.0, 0.1
 """prior standard deviations of the other coefficients of a lens: those of real lenses are several times smaller, and a
 coefficient that the corners do not determine stays 0"""
 
+Rows = slice | Array
+"""Numbers of corners: a slice where they follow each other, so that arrays of them are views"""
+
 _rigid_points, _rigid_slopes = bind("rcdn_rigid_points"), bind("rcdn_rigid_slopes")
+_slopes_before = bind("rcdn_slopes_before")
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,12 +47,26 @@ class Corners3:
     def __len__(self) -> int:
         return len(self.xy)
 
-    def take(self, index: Any) -> Corners3:
+    def take(self, index: Rows) -> Corners3:
         """The corners at `index`; frame numbers are unchanged."""
         part = None if self.part is None else self.part[index]
         return Corners3(
             self.frame[index], self.camera[index], self.board[index], self.xy[index], self.basis[index], part
         )
+
+    @cached_property
+    def rows(self) -> dict[int, Rows]:
+        """Of each camera that saw corners, their numbers."""
+        out: dict[int, Rows] = {}
+        for camera in np.unique(self.camera).tolist():
+            of = np.flatnonzero(self.camera == camera)
+            out[camera] = slice(int(of[0]), int(of[-1]) + 1) if of[-1] - of[0] + 1 == len(of) else of
+        return out
+
+    @cached_property
+    def seen_by(self) -> dict[int, Corners3]:
+        """Of each camera that saw corners, these."""
+        return {camera: self.take(rows) for camera, rows in self.rows.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +115,7 @@ class State:
         state = cls((camera,), poses, np.eye(4)[None], np.zeros((0, 3)) if shape is None else shape)
         return state if boards is None else replace(state, boards=boards)
 
-    @property
+    @cached_property
     def counts(self) -> tuple[int, ...]:
         """Number of shared parameters of each camera, of the places (of the other cameras, then of the other boards),
         of the cameras' lateness, and of the shape."""
@@ -109,7 +128,7 @@ class State:
         end = sum(self.counts[:-1])
         return slice(end - self.late.size, end)
 
-    @property
+    @cached_property
     def values(self) -> Real[Array, " k"]:
         """(K,) the shared parameters; places are small motions from the current ones, thus 0."""
         places = np.zeros(self.counts[-3])
@@ -133,11 +152,13 @@ class State:
     def moved(self, by_frame: Real[Array, "f 6"], shared: Real[Array, " k"]) -> State:
         """The state after small motions `by_frame` (F, 6) of the poses and the change `shared` (K,) of the shared
         parameters."""
-        *lenses, places, late, shape = np.split(shared, np.cumsum(self.counts)[:-1])
+        ends, others = list(accumulate(self.counts)), len(self.cameras) - 1
+        *lenses, places, late, shape = (shared[a:b] for a, b in pairwise([0, *ends]))
         cameras = tuple(c.with_parameters(c.parameters + d) for c, d in zip(self.cameras, lenses, strict=True))
-        motions, others = places.reshape(-1, 6), len(self.cameras) - 1
-        rig, boards = self.rig.copy(), self.boards.copy()
-        rig[1:], boards[1:] = _move(rig[1:], motions[:others]), _move(boards[1:], motions[others:])
+        rig, boards, motions = self.rig, self.boards, places.reshape(-1, 6)
+        if len(motions):
+            rig, boards = rig.copy(), boards.copy()
+            rig[1:], boards[1:] = _move(rig[1:], motions[:others]), _move(boards[1:], motions[others:])
         poses, shape = _move(self.poses, by_frame), self.shape + shape.reshape(-1, 3)
         return replace(self, cameras=cameras, poses=poses, rig=rig, shape=shape, boards=boards, late=self.late + late)
 
@@ -196,9 +217,8 @@ def residuals(state: State, corners: Corners3) -> Real[Array, "n 2"]:
     points, xy = _placed(state, corners)[2], np.full((len(corners), 2), np.nan)
     if len(state.cameras) == 1:
         return np.asarray(corners.xy - project(state.cameras[0], points))
-    for c, camera in enumerate(state.cameras):
-        of = np.flatnonzero(corners.camera == c)
-        xy[of] = project(camera, points[of])
+    for c, of in corners.rows.items():
+        xy[of] = project(state.cameras[c], points[of])
     return np.asarray(corners.xy - xy)
 
 
@@ -244,6 +264,14 @@ def _transformed(T: Real[Array, "f 4 4"], number: Real[Array, " n"], points: Rea
     return out
 
 
+def _before(T: Real[Array, "f 4 4"], number: Real[Array, " n"], by_point: Real[Array, "n 2 3"]) -> Real[Array, "n 2 3"]:
+    """Derivatives (N, 2, 3) by points before the rigid motion `number` (N,) among `T`, of those `by_point` after it."""
+    out = np.empty(by_point.shape)
+    each = np.ascontiguousarray(number, np.int64), np.ascontiguousarray(by_point)
+    _slopes_before(np.ascontiguousarray(T), *each, out)
+    return out
+
+
 def linearise(state: State, corners: Corners3) -> tuple[Array, Array, Array]:
     """Projections (N, 2), px, and their Jacobians with respect to the frames' motions (N, 2, 6) and to the shared
     parameters (N, 2, K)."""
@@ -251,9 +279,9 @@ def linearise(state: State, corners: Corners3) -> tuple[Array, Array, Array]:
         return linearise_one(state, corners, 0)
     xy, by_frame = np.full((len(corners), 2), np.nan), np.zeros((len(corners), 2, 6))
     shared = np.zeros((len(corners), 2, sum(state.counts)))
-    for c in range(len(state.cameras)):
-        of = np.flatnonzero(corners.camera == c)
-        xy[of], by_frame[of], own = linearise_one(state, corners.take(of), c)
+    for c, mine in corners.seen_by.items():
+        of = np.arange(len(corners))[corners.rows[c]]
+        xy[of], by_frame[of], own = linearise_one(state, mine, c)
         shared[of[:, None, None], np.arange(2)[:, None], np.flatnonzero(parameters_of(state, c))] = own
     return xy, by_frame, shared
 
@@ -279,7 +307,7 @@ def linearise_one(state: State, corners: Corners3, camera: int) -> tuple[Array, 
     board, first, points = _placed(state, corners)
     xy, by_point, by_lens = project_with_jacobian(state.cameras[camera], points)
     R = state.rig[camera, :3, :3]
-    in_first = by_point if (np.eye(3) == R).all() else by_point @ R
+    in_first = by_point if (np.eye(3) == R).all() else (by_point.reshape(-1, 3) @ R).reshape(by_point.shape)
     by_late = list[Array]()
     if len(state.late):
         by_late.append(in_first @ _carried(state, corners, first)[:, :, None])
@@ -289,10 +317,10 @@ def linearise_one(state: State, corners: Corners3, camera: int) -> tuple[Array, 
     if camera:
         parts.append(by_motion(by_point, points))
     if part is not None or len(state.shape):
-        by_board = in_first @ state.poses[corners.frame, :3, :3]
+        by_board = _before(state.poses, corners.frame, in_first)
         if part is not None:
             parts.append(_by_places(part, len(state.boards), by_motion(by_board, board)))
-            by_board = by_board @ state.boards[part, :3, :3]
+            by_board = _before(state.boards, part, by_board)
         if len(state.shape):
             by_shape = [_by_shape(corners.basis[:, : len(state.shape)], by_board)]
     parts += [*by_late, *by_shape]

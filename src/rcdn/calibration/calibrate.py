@@ -105,9 +105,11 @@ def calibrate(
             names,
             leave_out,
         )
-    return with_geometries(
-        boards, Geometries.of(boards, spacing, size), names, model, flat, fixed, strict=size is not None
-    )
+    geometries = Geometries.of(boards, spacing, size)
+    done = judged(with_geometries(boards, geometries, names, model, flat, fixed, strict=size is not None))
+    if model == "splined" and done.camera.correction is None:
+        return replace(done, advice=(*done.advice, NOT_SPLINED.format(done.camera.model)))
+    return done
 
 
 def with_geometries(
@@ -119,8 +121,8 @@ def with_geometries(
     fixed: frozenset[str] = frozenset(),
     strict: bool = False,
 ) -> Calibration:
-    """`calibrate` for boards with the given `geometries`; `strict`: plain boards that cannot be part of the whole board
-    are refused."""
+    """`calibrate` for boards with the given `geometries`, without a verdict; `strict`: plain boards that cannot be part
+    of the whole board are refused."""
     image_size, whole = one_size(boards, names), geometries.main
     labels = geometries.labelled(boards, strict)
     task = usable(boards, labels, names, image_size, whole)
@@ -142,9 +144,6 @@ def with_geometries(
         if better is not None:
             done = result_of(task, boards, labels, names, better[0], whole, (better[1], *scores))
             _check_plausible(done)
-    done = judged(done)
-    if model == "splined" and done.camera.correction is None:
-        return replace(done, advice=(*done.advice, NOT_SPLINED.format(done.camera.model)))
     return done
 
 

@@ -46,8 +46,8 @@ ANOTHER_LENS = (
 def with_known_lens(
     boards: Sequence[Board], geometries: Geometries, names: Sequence[str], camera: Camera, strict: bool = False
 ) -> Calibration:
-    """The calibration with `camera` held constant: poses, residuals, and the board's shape if it predicts held-out
-    images better. `strict`: plain boards that cannot be part of the whole board are refused.
+    """The calibration with `camera` held constant, without a verdict: poses, residuals, and the board's shape if it
+    predicts held-out images better. `strict`: plain boards that cannot be part of the whole board are refused.
 
     One view is enough. The lens has no standard deviations; its covariance is zero. Raises CalibrationError if the
     images have another size than the camera, or no board has a pose.
@@ -69,7 +69,7 @@ def with_known_lens(
         fit = curved if errors[0] * choose.SIMPLER < errors[1] else flat
     lens = camera.model if camera.correction is None else f"{camera.model} with spline"
     score = ModelScore(lens, choose.rms(fit.residuals, fit.weight), float("nan"))
-    return judged_known(result_of(task, boards, labels, names, fit, whole, (score,), FEWEST_POSES))
+    return result_of(task, boards, labels, names, fit, whole, (score,), FEWEST_POSES)
 
 
 def with_lens(
@@ -79,8 +79,8 @@ def with_lens(
     lens: str | Camera,
     strict: bool = False,
 ) -> Calibration:
-    """The calibration of one camera with a lens model or with a known lens; `strict`: plain boards that cannot be part
-    of the whole board are refused."""
+    """The calibration of one camera with a lens model or with a known lens, without a verdict; `strict`: plain boards
+    that cannot be part of the whole board are refused."""
     check_arguments(boards, names, lens if isinstance(lens, str) else "auto", None)
     if isinstance(lens, Camera):
         return with_known_lens(boards, geometries, names_of(boards, names), lens, strict)

@@ -141,15 +141,14 @@ def _rows(frame: Array, frames: int) -> list[Array]:
 
 def _flipped(state: State, corners: Corners3, frames: Array) -> State:
     """The poses of `frames` with their boards' normals mirrored about the line of sight to the boards' centres."""
-    poses, places = state.poses.copy(), middles(state, corners)
-    for f in frames:
-        R, t = poses[f, :3, :3], poses[f, :3, 3]
-        middle = R @ places[f] + t
-        sight, normal = middle / np.linalg.norm(middle), R[:, 2]
-        axis = np.cross(normal, sight)
-        # rotation by twice the angle between them
-        Q = rotation(2 * axis / max(np.linalg.norm(axis), 1e-12) * np.arctan2(np.linalg.norm(axis), normal @ sight))
-        poses[f, :3, :3], poses[f, :3, 3] = Q @ R, middle - Q @ (middle - t)
+    poses, places = state.poses.copy(), middles(state, corners)[frames]
+    R, t = poses[frames, :3, :3], poses[frames, :3, 3]
+    middle = (R @ places[:, :, None])[..., 0] + t
+    sight, normal = middle / np.linalg.norm(middle, axis=1, keepdims=True), R[:, :, 2]
+    axis = np.cross(normal, sight)
+    sine, cosine = np.linalg.norm(axis, axis=1), (normal * sight).sum(axis=1)
+    Q = rotation(axis * (2 * np.arctan2(sine, cosine) / np.maximum(sine, 1e-12))[:, None])  # twice the angle between
+    poses[frames, :3, :3], poses[frames, :3, 3] = Q @ R, middle - (Q @ (middle - t)[:, :, None])[..., 0]
     return replace(state, poses=poses)
 
 

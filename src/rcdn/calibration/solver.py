@@ -23,13 +23,15 @@ from rcdn.calibration.bundle import (
     parameters_of,
     residuals,
 )
-from rcdn.native import bind
+from rcdn.native import bind, constants
 from rcdn.types import Array
 from rcdn.types.arrays import Real
 
 RIDGE = 1e-10
 """× the largest diagonal element of a block: keeps the factorisation defined where nothing determines a parameter,
 whose variance is then huge"""
+ROUNDING = 1e-13
+"""× a diagonal element: what the elimination of other unknowns may leave of it by rounding"""
 ITERATIONS, TOLERANCE, ROUGH_TOLERANCE = 60, 1e-9, 1e-6
 """most steps; relative decrease of the cost below which the iteration ends; the same where parameters need be right to
 some hundredths of a standard deviation only, as in an initial fit"""
@@ -48,7 +50,9 @@ SCALE = 2.0
 MANY = 100
 """number of shared parameters from which on the rows of each axis are multiplied separately"""
 
+_LARGEST = constants("normal")["LARGEST"]
 _weighted, _normal_blocks = bind("rcdn_weighted"), bind("rcdn_normal_blocks")
+_weighted_cost, _inverse_factors = bind("rcdn_cost"), bind("rcdn_inverse_factors")
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +117,13 @@ def _inverse_factor(blocks: Real[Array, "f n n"], whole: Real[Array, " n"] | Non
     if not blocks.size:
         return blocks
     diagonal = np.einsum("fii->fi", blocks)
-    floor = 1e-13 * (diagonal if whole is None else whole[None])
+    before = diagonal if whole is None else whole[None]
+    if blocks.shape[1] <= _LARGEST:
+        out = np.empty(blocks.shape)
+        each = np.ascontiguousarray(blocks), np.ascontiguousarray(before)
+        if _inverse_factors(*each, ROUNDING, 1 / RIDGE, out) == len(blocks):
+            return out
+    floor = ROUNDING * before
     determined = floor > 0
     unit = np.sqrt(np.where(determined, np.maximum(diagonal, floor), 1.0))
     scaled = blocks / (unit[:, :, None] * unit[:, None, :])
@@ -174,18 +184,27 @@ class Linear:
         relevant = parameters_of(state, camera)
         xy, by_frame, shared = linearise_one(state, corners, camera)
         own = np.flatnonzero(relevant[free])
-        parts = _whitened(corners.xy - xy, by_frame, shared[:, :, free[relevant]], weight, loss)
+        mine = free[relevant]
+        parts = _whitened(corners.xy - xy, by_frame, shared if mine.all() else shared[:, :, mine], weight, loss)
         many = len(own)
         return cls(*parts, corners.frame, len(state.poses), np.zeros((many, many)), np.zeros(many)), own
 
     @property
     def normal(self) -> Normal:
         """The normal equations, including the prior."""
-        flat = _flat(self.shared)
-        blocks, pull = np.empty((self.frames, 6, 6 + flat.shape[1])), np.empty((self.frames, 6))
+        many = self.shared.shape[2]
+        blocks, pull = np.zeros((self.frames, 6, 6 + many)), np.zeros((self.frames, 6))
+        whole, shared = self.added_to(blocks, pull, np.arange(many))
+        return Normal(blocks, whole + self.precision, (pull, shared + self.pull))
+
+    def added_to(self, blocks: Array, pull: Array, columns: Array) -> tuple[Array, Array]:
+        """Add to the frames' `blocks` (F, 6, 6 + K) and their part `pull` (F, 6) of the gradient what these corners
+        tell, the numbers (K',) of their parameters being `columns`. Returns the same of the parameters: (K', K') and
+        (K',)."""
+        room = np.empty(6 * (6 + len(columns)))
         frame = np.ascontiguousarray(self.frame, np.int64)
-        _normal_blocks(frame, self.gaps, self.by_frame, self.shared, blocks, pull)
-        return Normal(blocks, _gram(self.shared) + self.precision, (pull, flat.T @ self.gaps.ravel() + self.pull))
+        _normal_blocks(frame, self.gaps, self.by_frame, self.shared, columns, room, blocks, pull)
+        return _gram(self.shared), _flat(self.shared).T @ self.gaps.ravel()
 
 
 def _gram(shared: Real[Array, "n 2 k"]) -> Real[Array, "k k"]:
@@ -208,12 +227,6 @@ def _whitened(gaps: Array, by_frame: Array, shared: Array, weight: Array, loss: 
     shared = np.ascontiguousarray(shared)
     _weighted(np.ascontiguousarray(weight, float), FARTHEST, SCALE * (loss == "soft_l1"), gaps, by_frame, shared)
     return gaps, by_frame, shared
-
-
-def _unseen(gaps: Real[Array, "n 2"]) -> Array:
-    """(N,) whether a camera cannot see a corner, of whitened residuals."""
-    x, y = np.abs(gaps.T) < FARTHEST
-    return np.asarray(~(x & y))
 
 
 AT_ONCE = 4_000_000
@@ -258,16 +271,14 @@ class Normal:
         prior, many = state.beforehand, int(free.sum())
         blocks, whole = np.zeros((len(state.poses), 6, 6 + many)), prior.precision[np.ix_(free, free)].copy()
         by_frame, shared = np.zeros((len(state.poses), 6)), -prior.gradient(state.values)[free]
-        for c in range(len(state.cameras)):
-            mine = np.flatnonzero(corners.camera == c)
+        for c, mine in corners.seen_by.items():
+            firm = weight[corners.rows[c]]
             for at in range(0, len(mine), each):
-                some = mine[at : at + each]
-                linear, own = Linear.of_camera(state, corners.take(some), weight[some], free, loss, c)
-                part = linear.normal
-                blocks[:, :, np.append(np.arange(6), 6 + own)] += part.blocks
-                whole[np.ix_(own, own)] += part.whole
-                by_frame += part.gradient[0]
-                shared[own] += part.gradient[1]
+                some = slice(at, at + each)
+                linear, own = Linear.of_camera(state, mine.take(some), firm[some], free, loss, c)
+                part, pull = linear.added_to(blocks, by_frame, own)
+                whole[np.ix_(own, own)] += part
+                shared[own] += pull
         return cls(blocks, whole, (by_frame, shared))
 
     def arrow(self, damping: float = 0.0) -> Arrow:
@@ -366,8 +377,6 @@ def _on_parabola(at: Callable[[float], tuple[State, float]], cost: float, slope:
 
 
 def _cost(state: State, corners: Corners3, weight: Array, loss: str) -> float:
-    gaps = residuals(state, corners) * weight[:, None]
-    gaps[_unseen(gaps)] = BEHIND
-    square = gaps[weight > 0] ** 2
-    total = square.sum() if loss == "linear" else 2 * SCALE**2 * (np.sqrt(1 + square / SCALE**2) - 1).sum()
-    return float(total) + state.beforehand.cost(state.values)
+    total, soft = np.empty(1), SCALE * (loss == "soft_l1")
+    _weighted_cost(residuals(state, corners), np.ascontiguousarray(weight, float), FARTHEST, BEHIND, soft, total)
+    return float(total[0]) + state.beforehand.cost(state.values)

@@ -13,8 +13,11 @@ import numpy as np
 
 from rcdn.geometry import project, unproject
 from rcdn.geometry.median import median
+from rcdn.native import bind
 from rcdn.types import Array, Camera
 from rcdn.types.arrays import Real
+
+_plane_poses = bind("rcdn_plane_poses")
 
 FOCAL = 0.3 * 1.28 ** np.arange(17)
 """focal lengths of the grid search, in half diagonals of the picture: 0.3 to 16"""
@@ -104,38 +107,6 @@ class _Batch:
         return T
 
     def _scaled_poses(self, camera: Camera) -> Array:
-        rays = unproject(camera, self.xy)
-        blind = np.asarray(~np.isfinite(rays).all(axis=2))
-        weight = np.where(blind, 0.0, self.there)
-        rays = np.where(blind[:, :, None], [0.0, 0.0, 1.0], rays)
-        rays /= np.linalg.norm(rays, axis=2, keepdims=True)
-        H = _ray_homographies(rays, self.board, weight)
-        T = _nearest_poses(H)
-        # of the two signs, the one that places the board in the direction of the rays
-        points = self.board @ H[:, :, :2].transpose(0, 2, 1) + H[:, None, :, 2]
-        turned = ((points * rays).sum(axis=2) * weight).sum(axis=1) < 0
-        T[turned] = _nearest_poses(-H[turned])
-        T[weight.sum(axis=1) < 4] = np.nan
+        T = np.empty((len(self.xy), 4, 4))
+        _plane_poses(unproject(camera, self.xy), self.board, self.there, np.empty(4 * self.xy.shape[1]), T)
         return T
-
-
-def _ray_homographies(rays: Real[Array, "v m 3"], board: Array, weight: Array) -> Real[Array, "v 3 3"]:
-    """(V, 3, 3) homographies with H·(x, y, 1) along the `rays` (V, M, 3), by minimal algebraic error."""
-    X = np.concatenate([board, np.ones((*board.shape[:2], 1))], axis=2)
-    # ray × (H X) = 0: with P = I − ray·rayᵀ the rows are kron(P, Xᵀ), and PᵀP = P
-    P = (np.eye(3) - rays[:, :, :, None] * rays[:, :, None, :]) * weight[:, :, None, None]
-    outer = X[:, :, :, None] * X[:, :, None, :]
-    normal = np.einsum("vmij,vmkl->vikjl", P, outer, optimize=True).reshape(-1, 9, 9)
-    return np.asarray(np.linalg.eigh(normal)[1][:, :, 0].reshape(-1, 3, 3))
-
-
-def _nearest_poses(H: Array) -> Real[Array, "v 4 4"]:
-    """Poses (V, 4, 4) whose first two axes and origin are closest to the columns of H (V, 3, 3), up to a factor."""
-    u, s, vt = np.linalg.svd(H[:, :, :2], full_matrices=False)
-    factor = s.mean(axis=1)
-    T = np.zeros((len(H), 4, 4))
-    T[:, :3, :2] = u @ vt
-    T[:, :3, 2] = np.cross(T[:, :3, 0], T[:, :3, 1])
-    T[:, :3, 3] = H[:, :, 2] / np.maximum(factor, 1e-12)[:, None]
-    T[:, 3, 3] = 1
-    return T

@@ -11,7 +11,7 @@ import numpy as np
 
 from rcdn.calibration import robust
 from rcdn.calibration.arguments import check_boards, given_size
-from rcdn.calibration.calibrate import calibrate, check_model
+from rcdn.calibration.calibrate import check_arguments, check_model
 from rcdn.calibration.coded import Geometries, Spacing
 from rcdn.calibration.common_model import one_model
 from rcdn.calibration.epipolar import epipolar_gaps, matches
@@ -186,7 +186,8 @@ def _alone(
     spacing or of known geometries; errors name the camera. If a `size` is given, other plain boards are refused."""
     with said_of(f"{SIDES[side]} camera", CalibrationError):
         if not isinstance(of, Geometries):
-            return calibrate(boards, of, names=names, model=str(lens), size=size)
+            check_arguments(boards, names, str(lens), size)
+            of = Geometries.of(boards, of, size)
         return with_lens(boards, of, names, lens, size is not None)
 
 

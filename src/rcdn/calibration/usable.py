@@ -124,13 +124,13 @@ def usable(
 def _basis(labels: list[Labelled], whole: Geometry) -> Real[Array, "n b"]:
     """(N, B) functions of the board's shape at the corners; 0 in views of other boards, or in which it is unknown which
     corner is which."""
-    parts = [
-        shape_basis(label.ij, whole.size, whole.plane)
-        if label.settled and label.main and whole.size
-        else np.zeros((len(label.ij), len(FUNCTIONS)))
-        for label in labels
-    ]
-    return np.concatenate(parts)
+    shaped = [label.settled and label.main and bool(whole.size) for label in labels]
+    rows = np.repeat(shaped, [len(label.ij) for label in labels])
+    out = np.zeros((len(rows), len(FUNCTIONS)))
+    if whole.size and rows.any():
+        ij = np.concatenate([label.ij for label, has in zip(labels, shaped, strict=True) if has])
+        out[rows] = shape_basis(ij, whole.size, whole.plane)
+    return out
 
 
 def too_few(views: int, reasons: dict[int, str]) -> str:

@@ -187,7 +187,7 @@ class Camera(Value):
         end = len(parameters) if self.correction is None else self.coefficients
         new: dict[str, Any] = {
             "K": np.array([[fx, self.K[0, 1], cx], [0, fy, cy], [0, 0, 1]]),
-            "distortion": np.asarray(parameters[4:end], float),
+            "distortion": np.array(parameters[4:end], float),
             "image_size": self.image_size,
             "model": self.model,
             "correction": None if self.correction is None else self.correction.with_control(parameters[end:]),
@@ -195,7 +195,11 @@ class Camera(Value):
         out = object.__new__(Camera)
         for name, value in new.items():
             object.__setattr__(out, name, value)
-        out._settle()
+        if len(out.distortion) == len(self.distortion) and np.isfinite(out.K).all():
+            out.K.setflags(write=False)
+            out.distortion.setflags(write=False)
+        else:
+            out._settle()
         return out
 
 
