@@ -42,7 +42,7 @@ FAST_KERNEL(rcdn_weighted, (SIZE, count, gaps, 0), (IN, double, weight, count), 
  * `soft` isn't 0, of the loss soft_l1 of that scale for each axis; `behind` stands for both residuals of a corner one of
  * whose isn't below `far` then. Corners without weight do not count. */
 KERNEL(rcdn_cost, (SIZE, count, gaps, 0), (IN, double, gaps, count, 2), (IN, double, weight, count), (REAL, far),
-            (REAL, behind), (REAL, soft), (OUT, double, out, 1)) {
+       (REAL, behind), (REAL, soft), (OUT, double, out, 1)) {
     double total = 0;
     for (index_t n = 0; n < count; n++) {
         const double x = gaps[2 * n] * weight[n], y = gaps[2 * n + 1] * weight[n];
@@ -139,8 +139,8 @@ INLINE int factorise(index_t n, double *m) {
  * parameters whose `whole` isn't positive get zeros. Returns the number of the first block that isn't positive definite,
  * or the trace of whose inverse exceeds `most` when its diagonal is made 1; `count` if there is none. */
 KERNEL(rcdn_inverse_factors, (SIZE, count, blocks, 0), (SIZE, n, blocks, 1), (IN, double, blocks, count, n, n),
-            (IN, double, whole, count, n), (REAL, least), (REAL, most), (OUT, double, out, count, n, n),
-            (WHERE, n <= LARGEST)) {
+       (IN, double, whole, count, n), (REAL, least), (REAL, most), (OUT, double, out, count, n, n),
+       (WHERE, n <= LARGEST)) {
     for (index_t f = 0; f < count; f++) {
         const double *block = blocks + f * n * n, *before = whole + f * n;
         double m[LARGEST * LARGEST], unit[LARGEST], *to = out + f * n * n;

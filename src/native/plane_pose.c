@@ -16,8 +16,8 @@ INLINE void normal_matrix(index_t count, const double *rays, const double *board
     double sums[6][6] = {{0}};
     for (index_t k = 0; k < count; k++) {
         const double *r = rays + 3 * k, x = board[2 * k], y = board[2 * k + 1], w = weight[k];
-        const double P[6] = {w * (1 - r[0] * r[0]), -w * r[0] * r[1],         -w * r[0] * r[2],
-                             w * (1 - r[1] * r[1]), -w * r[1] * r[2],         w * (1 - r[2] * r[2])};
+        const double P[6] = {w * (1 - r[0] * r[0]), -w * r[0] * r[1], -w * r[0] * r[2],
+                             w * (1 - r[1] * r[1]), -w * r[1] * r[2], w * (1 - r[2] * r[2])};
         const double X[6] = {x * x, x * y, x, y * y, y, 1};
         for (int a = 0; a < 6; a++)
             for (int b = 0; b < 6; b++)
@@ -87,8 +87,8 @@ INLINE void nearest_pose(const double *H, double *T) {
  * any length, by minimal algebraic error. Corners without a finite ray, and those not `there` (1; else 0), do not count;
  * NaN if fewer than four are left, or if they lie on one line. */
 KERNEL(rcdn_plane_poses, (SIZE, views, rays, 0), (SIZE, many, rays, 1), (IN, double, rays, views, many, 3),
-            (IN, double, board, views, many, 2), (IN, double, there, views, many), (ROOM, double, room, 4 * many),
-            (OUT, double, T, views, 4, 4)) {
+       (IN, double, board, views, many, 2), (IN, double, there, views, many), (ROOM, double, room, 4 * many),
+       (OUT, double, T, views, 4, 4)) {
     double *unit = room, *weight = room + 3 * many;
     for (index_t v = 0; v < views; v++) {
         const double *own = rays + 3 * many * v, *points = board + 2 * many * v;

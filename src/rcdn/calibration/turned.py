@@ -120,7 +120,7 @@ def turned_pictures(calibration: Calibration) -> TurnedPictures | None:
     views = [*used, *(replace(v, used=np.ones(len(v), bool), reason="") for v in out)]
     plain = without_correction(calibration)
     perfect = replace(plain, shape=None)  # the shape is a compromise, too, if some pictures are turned
-    here = _information(perfect, views, turn=False)  # the calibration has chosen their poses
+    here = _information(perfect, views)
     squares = all(v.target is None for v in views) and plane_of(calibration).pattern == "checker"
     possible = [c for c in CHANGES if squares or not c.mirrors]
     turned = {c: t for c in possible if (t := _search(perfect, views, c, here)) is not None and t[: len(used)].any()}
@@ -201,14 +201,12 @@ def _negated(camera: Camera, change: Change) -> Real[Array, " p"]:
     return out
 
 
-def _information(
-    calibration: Calibration, views: Sequence[BoardView], turn: bool = True
-) -> tuple[ViewInformation, Camera]:
-    """The contribution of each of the `views` at the camera that they give, and this camera. `turn`: see
-    `robust.initial_fit`."""
+def _information(calibration: Calibration, views: Sequence[BoardView]) -> tuple[ViewInformation, Camera]:
+    """The contribution of each of the `views` at the camera that they give, and this camera. Of the two poses that a
+    plane allows, the calibration has chosen."""
     corners, sigma = corners_of(calibration, views, [v.used for v in views])
     state = state_of(calibration, views)
-    state, noise = robust.initial_fit(state, corners, sigma, default_free(state), turn)
+    state, noise = robust.initial_fit(state, corners, sigma, default_free(state), turn=False)
     info = of_state(state, corners, 1 / np.sqrt(np.maximum(noise**2 + sigma**2, LEAST_SCATTER**2)))
     return info.at_optimum(), state.cameras[0]
 
