@@ -139,6 +139,24 @@ def test_a_correction_of_another_kind_is_refused():
         Camera(np.diag([500.0, 500, 1]), None, (640, 480), correction=3)
 
 
+def test_a_camera_with_other_parameters_keeps_its_own_copy_and_is_checked():
+    camera = Camera(np.array([[500.0, 2, 320], [0, 510, 240], [0, 0, 1]]), None, (640, 480))
+    given = camera.parameters + 0.25
+    other = camera.with_parameters(given)
+    given[:] = 7
+    assert other.parameters == pytest.approx(camera.parameters + 0.25)
+    assert (other.K[0, 1], other.image_size, other.model) == (2, (640, 480), "brown")
+    for array in (other.K, other.distortion):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1
+    assert camera.with_parameters(camera.parameters[:8]).distortion.shape == (4,)
+    with pytest.raises(RcdnError, match=r"Camera\.distortion of model 'brown' takes 4 or 5 numbers, not 3"):
+        camera.with_parameters(camera.parameters[:7])
+    for wrong in (np.nan, np.inf):
+        with pytest.raises(RcdnError, match=r"Camera\.K must be a finite"):
+            camera.with_parameters(np.full(9, wrong))
+
+
 def turned(**changes):
     """T (4, 4) of a quarter turn about z, with changes of single entries: `a01=2.0`."""
     T = np.array([[0.0, -1, 0, 1], [1, 0, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]])

@@ -59,8 +59,9 @@ INLINE void weakest(double m[UNKNOWNS][UNKNOWNS], double *out) {
 }
 
 /* Pose T (4, 4) whose first two axes and origin are nearest to the columns of H (3, 3), up to a factor: the polar factor
- * A (AᵀA)^−½ of the first two columns A, and the third ÷ the mean of their singular values. NaN if they are parallel. */
-INLINE void nearest_pose(const double *H, double *T) {
+ * A (AᵀA)^−½ of the first two columns A, and the third ÷ the mean of their singular values. Returns 0 if they are
+ * parallel. */
+INLINE int nearest_pose(const double *H, double *T) {
     double pp = 0, pq = 0, qq = 0, axes[3][3];
     for (int i = 0; i < 3; i++) {
         pp += H[3 * i] * H[3 * i];
@@ -68,7 +69,9 @@ INLINE void nearest_pose(const double *H, double *T) {
         qq += H[3 * i + 1] * H[3 * i + 1];
     }
     const double trace = pp + qq, square = pp * qq - pq * pq;
-    const double root = square > EDGE_ON * EDGE_ON * trace * trace ? sqrt(square) : NAN, both = sqrt(trace + 2 * root);
+    if (!(square > EDGE_ON * EDGE_ON * trace * trace))
+        return 0;
+    const double root = sqrt(square), both = sqrt(trace + 2 * root);
     for (int i = 0; i < 3; i++) {
         axes[0][i] = (H[3 * i] * (qq + root) - H[3 * i + 1] * pq) / (root * both);
         axes[1][i] = (H[3 * i + 1] * (pp + root) - H[3 * i] * pq) / (root * both);
@@ -81,18 +84,33 @@ INLINE void nearest_pose(const double *H, double *T) {
     }
     const double last[4] = {0, 0, 0, 1};
     memcpy(T + 12, last, sizeof last);
+    return 1;
+}
+
+/* H (3, 3) with H (x, y, 1) along the rays of board points (x, y), by minimal algebraic error; of its two signs, the one
+ * that places the board in their direction. */
+INLINE void ray_homography(index_t count, const double *rays, const double *board, const double *weight, double *H) {
+    double m[UNKNOWNS][UNKNOWNS], along = 0;
+    normal_matrix(count, rays, board, weight, m);
+    weakest(m, H);
+    for (index_t k = 0; k < count; k++)
+        for (int i = 0; i < 3; i++)
+            along += weight[k] * rays[3 * k + i] *
+                     (H[3 * i] * board[2 * k] + H[3 * i + 1] * board[2 * k + 1] + H[3 * i + 2]);
+    for (int k = 0; k < UNKNOWNS && along < 0; k++)
+        H[k] = -H[k];
 }
 
 /* Poses T (views, 4, 4) of flat boards with corners board (views, many, 2) from their viewing rays (views, many, 3) of
- * any length, by minimal algebraic error. Corners without a finite ray, and those not `there` (1; else 0), do not count;
- * NaN if fewer than four are left, or if they lie on one line. */
+ * any length. Corners without a finite ray, and those not `there` (1; else 0), do not count; NaN if fewer than four are
+ * left, or if they lie on one line. */
 KERNEL(rcdn_plane_poses, (SIZE, views, rays, 0), (SIZE, many, rays, 1), (IN, double, rays, views, many, 3),
        (IN, double, board, views, many, 2), (IN, double, there, views, many), (ROOM, double, room, 4 * many),
        (OUT, double, T, views, 4, 4)) {
     double *unit = room, *weight = room + 3 * many;
     for (index_t v = 0; v < views; v++) {
-        const double *own = rays + 3 * many * v, *points = board + 2 * many * v;
-        double count = 0, along = 0, m[UNKNOWNS][UNKNOWNS], H[UNKNOWNS];
+        const double *own = rays + 3 * many * v;
+        double count = 0, H[UNKNOWNS];
         for (index_t k = 0; k < many; k++) {
             const double *r = own + 3 * k, square = r[0] * r[0] + r[1] * r[1] + r[2] * r[2];
             const int seen = square > 0 && square < INFINITY;
@@ -101,20 +119,11 @@ KERNEL(rcdn_plane_poses, (SIZE, views, rays, 0), (SIZE, many, rays, 1), (IN, dou
             for (int i = 0; i < 3; i++)
                 unit[3 * k + i] = seen ? r[i] / sqrt(square) : 0;
         }
-        if (count < LEAST) {
+        if (count >= LEAST)
+            ray_homography(many, unit, board + 2 * many * v, weight, H);
+        if (count < LEAST || !nearest_pose(H, T + 16 * v))
             for (int k = 0; k < 16; k++)
                 T[16 * v + k] = NAN;
-            continue;
-        }
-        normal_matrix(many, unit, points, weight, m);
-        weakest(m, H);
-        for (index_t k = 0; k < many; k++) /* of the two signs, the one that places the board in their direction */
-            for (int i = 0; i < 3; i++)
-                along += weight[k] * unit[3 * k + i] *
-                         (H[3 * i] * points[2 * k] + H[3 * i + 1] * points[2 * k + 1] + H[3 * i + 2]);
-        for (int k = 0; k < UNKNOWNS && along < 0; k++)
-            H[k] = -H[k];
-        nearest_pose(H, T + 16 * v);
     }
     return 0;
 }

@@ -17,6 +17,7 @@ from rcdn.calibration.bundle import (
     linearise,
     residuals,
 )
+from rcdn.calibration.solver import Normal
 from rcdn_lab.camera_scenes import CAMERAS, SPACING, labels, random_pose, see
 from rcdn_lab.real_boards import uneven_board
 
@@ -76,6 +77,31 @@ def test_slopes_in_all_unknowns_are_those_of_differences(away, late):
 def test_residuals_are_observed_minus_the_pixels_of_linearise():
     state, corners = two_cameras()
     assert residuals(state, corners) == pytest.approx(corners.xy - linearise(state, corners)[0], abs=1e-12)
+
+
+@pytest.mark.parametrize("cameras", [[0, 1], [1]], ids=["both", "one of two"])
+def test_corners_may_come_in_any_order_and_of_some_cameras_only(cameras):
+    state, every = two_cameras()
+    corners = every.take(np.flatnonzero(np.isin(every.camera, cameras)))
+    order = np.random.default_rng(1).permutation(len(corners))
+    mixed = corners.take(order)
+    assert all(isinstance(rows, slice) for rows in corners.rows.values())
+    assert len(cameras) == 1 or not any(isinstance(rows, slice) for rows in mixed.rows.values())
+    assert list(mixed.rows) == cameras
+    assert residuals(state, mixed) == pytest.approx(residuals(state, corners)[order], abs=1e-12)
+    for one, other in zip(linearise(state, mixed), linearise(state, corners), strict=True):
+        assert one == pytest.approx(other[order], abs=1e-9)
+    weight, free = np.linspace(1, 4, len(corners)), default_free(state, shape=True, rig=True)
+    one, other = Normal.of(state, mixed, weight[order], free), Normal.of(state, corners, weight, free)
+    assert one.blocks == pytest.approx(other.blocks, rel=1e-9, abs=1e-3)
+    assert one.whole == pytest.approx(other.whole, rel=1e-9, abs=1e-3)
+    assert one.gradient[1] == pytest.approx(other.gradient[1], rel=1e-9, abs=1e-3)
+    dense = linearise(state, corners)
+    own = (dense[1] * weight[:, None, None]).reshape(-1, 6)
+    of_all = (dense[2] * weight[:, None, None]).reshape(len(own), -1)
+    first = np.repeat(corners.frame == 0, 2)
+    expected = np.hstack([own[first].T @ own[first], own[first].T @ of_all[first]])
+    assert other.blocks[0] == pytest.approx(expected, rel=1e-9, abs=1e-3)
 
 
 def test_a_late_camera_sees_boards_where_they_have_moved():

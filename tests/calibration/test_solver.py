@@ -80,6 +80,43 @@ def test_eigenvalues_below_the_ridge_count_as_the_ridge(least):
     assert np.diag(along) == pytest.approx(1 / np.maximum(values, RIDGE), rel=1e-4)
 
 
+@pytest.mark.parametrize("many", [1, 6, 32, 33])
+def test_factors_of_inverses_whatever_their_size(many):
+    """By the kernel and, of more rows than it takes, by LAPACK; asymmetric by rounding, of very different units, with a
+    parameter that no corner depends on, and one of which elimination has left a rounding error."""
+    rng = np.random.default_rng(3)
+    root = rng.normal(size=(3, many + 3, many)) * 10.0 ** rng.uniform(-6, 6, (3, 1, many))
+    blocks = root.transpose(0, 2, 1) @ root
+    inverse = np.linalg.inv(blocks)
+    unit = np.sqrt(np.einsum("fii->fi", inverse))
+    U = solver._inverse_factor(blocks * (1 + 1e-15 * rng.normal(size=blocks.shape)))
+    assert np.tril(U, -1).any() == 0
+    assert U @ U.transpose(0, 2, 1) / unit[:, :, None] / unit[:, None] == pytest.approx(
+        inverse / unit[:, :, None] / unit[:, None], abs=1e-6
+    )
+    blocks[1, -1], blocks[1, :, -1] = 0, 0
+    U = solver._inverse_factor(blocks)
+    assert not U[1, -1].any()
+    assert not U[1, :, -1].any()
+    own = blocks[1, :-1, :-1]
+    assert U[1, :-1, :-1].T @ own @ U[1, :-1, :-1] == pytest.approx(np.eye(many - 1), abs=1e-6)
+    left = np.diag(np.full(many, 1e-20))
+    (U,) = solver._inverse_factor(left[None], np.ones(many))
+    assert np.diag(U) == pytest.approx(np.full(many, 1e10))
+
+
+def test_the_cost_is_a_sum_over_corners_that_count():
+    state, corners = mono("brown", views=3)
+    far = replace(corners, xy=np.where(np.arange(len(corners))[:, None] == 4, np.nan, corners.xy))
+    weight = np.linspace(1, 6, len(corners))
+    weight[7] = 0
+    z = residuals(state, far) * weight[:, None]
+    z[4] = solver.BEHIND  # what a camera can't see
+    for loss, each in (("linear", z**2), ("soft_l1", 2 * SCALE**2 * (np.sqrt(1 + (z / SCALE) ** 2) - 1))):
+        expected = each.sum() + state.beforehand.cost(state.values)
+        assert solver._cost(state, far, weight, loss) == pytest.approx(expected, rel=1e-12)
+
+
 @pytest.mark.parametrize(
     ("curvature", "length"), [(1.0, 0.5), (0.5, 1.0), (0.45, 1.0), (0.25, 2.0), (-1.0, 1.0), (9.0, 1.0)]
 )

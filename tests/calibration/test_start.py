@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rcdn.calibration.start import Seen, first_camera, poses
-from rcdn.geometry import project, rotation
+from rcdn.geometry import project, rotation, unproject
 from rcdn.types import Camera
 from rcdn_lab.camera_scenes import CAMERAS, SIZE, SPACING, random_boards, random_pose, see
 
@@ -129,6 +129,37 @@ def test_no_pose_where_the_lens_has_no_ray():
     found = poses(camera, [*seen, away])
     assert np.isfinite(found[:3]).all()
     assert np.isnan(found[3]).all()
+
+
+def test_the_pose_is_that_of_the_least_algebraic_error():
+    """Of noisy corners, some of which have no ray: that of the homography by a dense eigenvector (Zhang 2000)."""
+    camera = Camera(CAMERAS["brown"].K, [-0.5, 0, 0, 0, 0], (640, 480))  # folds at r = 0.82
+    (seen,), _ = seen_from(CAMERAS["brown"], 7, 1)
+    noisy = seen.xy + np.random.default_rng(7).normal(0, 3, seen.xy.shape)
+    noisy[::5] += 5000
+    rays = unproject(camera, noisy)
+    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+    kept = np.isfinite(rays).all(axis=1)
+    assert 4 < kept.sum() < len(kept)
+    unit = (seen.board - seen.board.mean(axis=0)) / np.linalg.norm(seen.board - seen.board.mean(axis=0), axis=1).mean()
+    X = np.column_stack([unit * np.sqrt(2), np.ones(len(unit))])
+    rows = np.concatenate([np.kron(np.eye(3) - np.outer(r, r), x) for r, x in zip(rays[kept], X[kept], strict=True)])
+    H = np.linalg.svd(rows)[2][-1].reshape(3, 3)
+    H *= np.sign(((X[kept] @ H.T) * rays[kept]).sum())
+    u, _, vt = np.linalg.svd(H[:, :2], full_matrices=False)
+    (T,) = poses(camera, [Seen(seen.board, noisy)])
+    assert T[:3, :2] == pytest.approx(u @ vt, abs=1e-9)
+    assert T[:3, 2] == pytest.approx(np.cross(T[:3, 0], T[:3, 1]))
+    assert T[3].tolist() == [0, 0, 0, 1]
+
+
+@pytest.mark.parametrize("some", [[0, 1, 11], [0, 1, 2, 3, 4, 5]])
+def test_three_corners_and_corners_in_a_line_have_no_pose(some):
+    seen, _ = seen_from(CAMERAS["pinhole"], 0, 2)
+    few = Seen(seen[0].board[some], seen[0].xy[some] if len(some) == 3 else seen[0].xy[:6] * [1, 0] + [0, 200])
+    found = poses(CAMERAS["pinhole"], [few, seen[1]])
+    assert np.isnan(found[0]).all()
+    assert np.isfinite(found[1]).all()
 
 
 def test_boards_stand_in_front():
