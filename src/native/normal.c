@@ -39,8 +39,8 @@ FAST_KERNEL(rcdn_weighted, (SIZE, count, gaps, 0), (IN, double, weight, count), 
 }
 
 /* The cost out (1) of residuals gaps (count, 2): the sum of the squares of these times the corners' weights, or, where
- * `soft` isn't 0, of the loss soft_l1 of that scale for each axis; `behind` stands for both residuals of a corner one of
- * whose isn't below `far` then. Corners without weight do not count. */
+ * `soft` isn't 0, of the loss soft_l1 of that scale for each axis. If either residual of a corner isn't below `far`,
+ * both count as `behind`. Corners without weight do not count. */
 KERNEL(rcdn_cost, (SIZE, count, gaps, 0), (IN, double, gaps, count, 2), (IN, double, weight, count), (REAL, far),
        (REAL, behind), (REAL, soft), (OUT, double, out, 1)) {
     double total = 0;
@@ -56,9 +56,9 @@ KERNEL(rcdn_cost, (SIZE, count, gaps, 0), (IN, double, gaps, count, 2), (IN, dou
     return 0;
 }
 
-/* Add the sums of one frame, room (POSE, POSE + width), to its rows of blocks (POSE, across), those of parameters to
- * their `columns` after the frame's own, and make them zero. */
-INLINE void add_frame(double *room, const int64_t *columns, index_t width, double *blocks, index_t across) {
+/* Add the sums of one frame, room (POSE, POSE + width), to its rows of blocks (POSE, across): those of parameters to
+ * their `columns` after the frame's own. Then clear them. */
+INLINE void flush_frame(double *room, const int64_t *columns, index_t width, double *blocks, index_t across) {
     for (int a = 0; a < POSE; a++) {
         const double *sums = room + a * (POSE + width);
         for (int b = 0; b < POSE; b++)
@@ -91,7 +91,7 @@ FAST_KERNEL(rcdn_normal_blocks, (SIZE, count, gaps, 0), (SIZE, frames, pull, 0),
             pull[f * POSE + a] += s * gaps[n];
         }
         if (n + 1 == 2 * count || frame[(n + 1) / 2] != f)
-            add_frame(room, columns, width, blocks + f * POSE * across, across);
+            flush_frame(room, columns, width, blocks + f * POSE * across, across);
     }
     return 0;
 }
@@ -136,8 +136,8 @@ INLINE int factorise(index_t n, double *m) {
 
 /* Upper triangular out (count, n, n): for each symmetric block (n, n) the factor of its inverse, whose product with its
  * transpose that is. Diagonals are at least `least` × `whole` (count, n), those before other unknowns were eliminated;
- * parameters whose `whole` isn't positive get zeros. Returns the number of the first block that isn't positive definite,
- * or the trace of whose inverse exceeds `most` when its diagonal is made 1; `count` if there is none. */
+ * parameters whose `whole` is 0 get zeros. Returns the number of the first block that isn't positive definite, or the
+ * trace of whose inverse exceeds `most` when its diagonal is made 1; `count` if there is none. */
 KERNEL(rcdn_inverse_factors, (SIZE, count, blocks, 0), (SIZE, n, blocks, 1), (IN, double, blocks, count, n, n),
        (IN, double, whole, count, n), (REAL, least), (REAL, most), (OUT, double, out, count, n, n),
        (WHERE, n <= LARGEST)) {
@@ -146,6 +146,8 @@ KERNEL(rcdn_inverse_factors, (SIZE, count, blocks, 0), (SIZE, n, blocks, 1), (IN
         double m[LARGEST * LARGEST], unit[LARGEST], *to = out + f * n * n;
         for (index_t k = 0; k < n; k++) {
             const double own = block[k * n + k], floor = least * before[k];
+            if (!(before[k] >= 0))
+                return f;
             unit[k] = floor > 0 ? sqrt(own > floor ? own : floor) : 0;
         }
         for (index_t k = 0; k < n; k++)

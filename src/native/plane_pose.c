@@ -6,8 +6,8 @@ enum { UNKNOWNS = 9, LEAST = 4, STEPS = 200 };
 
 /* Change of a unit vector below which the power method ends */
 #define SETTLED 1e-13
-/* Least sine of the angle between the axes of a board that is not seen edge on */
-#define EDGE_ON 1e-12
+/* Determinant of the covariance of corners that lie on one line, × the square of its trace, at most */
+#define LINE 1e-12
 
 /* Normal matrix of ray × (H X) = 0 in the entries of H (3, 3), for X = (x, y, 1) of board points (count, 2) and rays
  * (count, 3) of unit length: each adds P ⊗ X Xᵀ with P = I − ray · rayᵀ, since PᵀP = P. */
@@ -58,20 +58,33 @@ INLINE void weakest(double m[UNKNOWNS][UNKNOWNS], double *out) {
     }
 }
 
+/* Whether points (count, 2) with a weight do not all lie on one line. */
+INLINE int span_a_plane(index_t count, const double *points, const double *weight) {
+    double sum = 0, mean[2] = {0, 0}, xx = 0, xy = 0, yy = 0;
+    for (index_t k = 0; k < count; k++) {
+        sum += weight[k];
+        mean[0] += weight[k] * points[2 * k];
+        mean[1] += weight[k] * points[2 * k + 1];
+    }
+    for (index_t k = 0; k < count; k++) {
+        const double x = points[2 * k] - mean[0] / sum, y = points[2 * k + 1] - mean[1] / sum;
+        xx += weight[k] * x * x;
+        xy += weight[k] * x * y;
+        yy += weight[k] * y * y;
+    }
+    return xx * yy - xy * xy > LINE * (xx + yy) * (xx + yy);
+}
+
 /* Pose T (4, 4) whose first two axes and origin are nearest to the columns of H (3, 3), up to a factor: the polar factor
- * A (AᵀA)^−½ of the first two columns A, and the third ÷ the mean of their singular values. Returns 0 if they are
- * parallel. */
-INLINE int nearest_pose(const double *H, double *T) {
+ * A (AᵀA)^−½ of the first two columns A, and the third ÷ the mean of their singular values. */
+INLINE void nearest_pose(const double *H, double *T) {
     double pp = 0, pq = 0, qq = 0, axes[3][3];
     for (int i = 0; i < 3; i++) {
         pp += H[3 * i] * H[3 * i];
         pq += H[3 * i] * H[3 * i + 1];
         qq += H[3 * i + 1] * H[3 * i + 1];
     }
-    const double trace = pp + qq, square = pp * qq - pq * pq;
-    if (!(square > EDGE_ON * EDGE_ON * trace * trace))
-        return 0;
-    const double root = sqrt(square), both = sqrt(trace + 2 * root);
+    const double root = sqrt(pp * qq - pq * pq), both = sqrt(pp + qq + 2 * root);
     for (int i = 0; i < 3; i++) {
         axes[0][i] = (H[3 * i] * (qq + root) - H[3 * i + 1] * pq) / (root * both);
         axes[1][i] = (H[3 * i + 1] * (pp + root) - H[3 * i] * pq) / (root * both);
@@ -84,7 +97,6 @@ INLINE int nearest_pose(const double *H, double *T) {
     }
     const double last[4] = {0, 0, 0, 1};
     memcpy(T + 12, last, sizeof last);
-    return 1;
 }
 
 /* H (3, 3) with H (x, y, 1) along the rays of board points (x, y), by minimal algebraic error; of its two signs, the one
@@ -103,13 +115,13 @@ INLINE void ray_homography(index_t count, const double *rays, const double *boar
 
 /* Poses T (views, 4, 4) of flat boards with corners board (views, many, 2) from their viewing rays (views, many, 3) of
  * any length. Corners without a finite ray, and those not `there` (1; else 0), do not count; NaN if fewer than four are
- * left, or if they lie on one line. */
+ * left, or if they lie on one line of the board. */
 KERNEL(rcdn_plane_poses, (SIZE, views, rays, 0), (SIZE, many, rays, 1), (IN, double, rays, views, many, 3),
        (IN, double, board, views, many, 2), (IN, double, there, views, many), (ROOM, double, room, 4 * many),
        (OUT, double, T, views, 4, 4)) {
     double *unit = room, *weight = room + 3 * many;
     for (index_t v = 0; v < views; v++) {
-        const double *own = rays + 3 * many * v;
+        const double *own = rays + 3 * many * v, *points = board + 2 * many * v;
         double count = 0, H[UNKNOWNS];
         for (index_t k = 0; k < many; k++) {
             const double *r = own + 3 * k, square = r[0] * r[0] + r[1] * r[1] + r[2] * r[2];
@@ -119,11 +131,13 @@ KERNEL(rcdn_plane_poses, (SIZE, views, rays, 0), (SIZE, many, rays, 1), (IN, dou
             for (int i = 0; i < 3; i++)
                 unit[3 * k + i] = seen ? r[i] / sqrt(square) : 0;
         }
-        if (count >= LEAST)
-            ray_homography(many, unit, board + 2 * many * v, weight, H);
-        if (count < LEAST || !nearest_pose(H, T + 16 * v))
+        if (count < LEAST || !span_a_plane(many, points, weight)) {
             for (int k = 0; k < 16; k++)
                 T[16 * v + k] = NAN;
+            continue;
+        }
+        ray_homography(many, unit, points, weight, H);
+        nearest_pose(H, T + 16 * v);
     }
     return 0;
 }

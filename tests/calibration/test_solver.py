@@ -100,18 +100,50 @@ def test_factors_of_inverses_whatever_their_size(many):
     assert not U[1, :, -1].any()
     own = blocks[1, :-1, :-1]
     assert U[1, :-1, :-1].T @ own @ U[1, :-1, :-1] == pytest.approx(np.eye(many - 1), abs=1e-6)
-    left = np.diag(np.full(many, 1e-20))
-    (U,) = solver._inverse_factor(left[None], np.ones(many))
+
+
+@pytest.mark.parametrize("many", [2, 6, 33])
+@pytest.mark.parametrize("least", [1e-7, 1e-11, -1e-12])
+def test_factors_have_the_ridge_where_a_block_is_singular(many, least):
+    """Of one block, though another is regular."""
+    Q = np.linalg.qr(np.random.default_rng(1).normal(size=(many, many)))[0]
+    values = np.linspace(0.5, 1, many)
+    values[0] = least
+    block = (Q * values) @ Q.T
+    _, U = solver._inverse_factor(np.stack([np.eye(many), block]))
+    unit = np.sqrt(np.diag(block))
+    vectors = np.linalg.eigh(block / np.outer(unit, unit))[1]
+    along = vectors.T @ (unit[:, None] * U @ U.T * unit) @ vectors
+    at_unit = np.linalg.eigvalsh(block / np.outer(unit, unit))
+    assert np.diag(along) == pytest.approx(1 / np.maximum(at_unit, RIDGE), rel=1e-3)
+
+
+@pytest.mark.parametrize("many", [6, 33])
+def test_rounding_that_elimination_leaves_is_no_information(many):
+    """A diagonal below 1e-13 of what it was counts as that much."""
+    (U,) = solver._inverse_factor(np.diag(np.full(many, 1e-20))[None], np.ones(many))
     assert np.diag(U) == pytest.approx(np.full(many, 1e10))
+    (U,) = solver._inverse_factor(np.diag(np.full(many, 1e-14))[None], np.full(many, 0.5))
+    assert np.diag(U) == pytest.approx(np.full(many, 1e7))
 
 
-def test_the_cost_is_a_sum_over_corners_that_count():
+def test_factors_of_no_number_are_none():
+    broken = np.eye(6)
+    broken[1] = broken[:, 1] = np.nan
+    with pytest.raises(np.linalg.LinAlgError):
+        solver._inverse_factor(broken[None])
+
+
+@pytest.mark.parametrize("away", [[np.nan, np.nan], [1e9, 0], [0, -1e9]])
+def test_the_cost_is_a_sum_over_corners_that_count(away):
     state, corners = mono("brown", views=3)
-    far = replace(corners, xy=np.where(np.arange(len(corners))[:, None] == 4, np.nan, corners.xy))
-    weight = np.linspace(1, 6, len(corners))
+    xy, weight = corners.xy.copy(), np.linspace(1, 6, len(corners))
+    xy[4] += away
+    xy[7] = np.nan
     weight[7] = 0
+    far = replace(corners, xy=xy)
     z = residuals(state, far) * weight[:, None]
-    z[4] = solver.BEHIND  # what a camera can't see
+    z[4], z[7] = solver.BEHIND, 0  # what a camera can't see, and what doesn't count
     for loss, each in (("linear", z**2), ("soft_l1", 2 * SCALE**2 * (np.sqrt(1 + (z / SCALE) ** 2) - 1))):
         expected = each.sum() + state.beforehand.cost(state.values)
         assert solver._cost(state, far, weight, loss) == pytest.approx(expected, rel=1e-12)

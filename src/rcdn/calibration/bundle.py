@@ -32,10 +32,10 @@ _slopes_before = bind("rcdn_slopes_before")
 
 @dataclass(frozen=True, eq=False)
 class Corners3:
-    """N corners: `frame` (N,) number of the board's pose and `camera` (N,) number of the camera that saw it; `board`
-    (N, 2) on the nominal board, m; `xy` (N, 2) px; `basis` (N, B) values of the functions of the board's shape at each
-    corner (B may be 0: a perfect plane); `part` (N,) number of its board among those fixed to each other (None: all
-    are of one board)."""
+    """N corners: `frame` (N,) number of the board's pose and `camera` (N,) number of the camera, among those of the
+    state, that saw it; `board` (N, 2) on the nominal board, m; `xy` (N, 2) px; `basis` (N, B) values of the functions
+    of the board's shape at each corner (B may be 0: a perfect plane); `part` (N,) number of its board among those fixed
+    to each other (None: all are of one board)."""
 
     frame: Array
     camera: Array
@@ -132,7 +132,9 @@ class State:
     def values(self) -> Real[Array, " k"]:
         """(K,) the shared parameters; places are small motions from the current ones, thus 0."""
         places = np.zeros(self.counts[-3])
-        return np.concatenate([*(c.parameters for c in self.cameras), places, self.late, self.shape.ravel()])
+        out = np.concatenate([*(c.parameters for c in self.cameras), places, self.late, self.shape.ravel()])
+        out.setflags(write=False)
+        return out
 
     @property
     def beforehand(self) -> Prior:

@@ -202,8 +202,8 @@ class Linear:
         tell, the numbers (K',) of their parameters being `columns`. Returns the same of the parameters: (K', K') and
         (K',)."""
         room = np.empty(6 * (6 + len(columns)))
-        frame = np.ascontiguousarray(self.frame, np.int64)
-        _normal_blocks(frame, self.gaps, self.by_frame, self.shared, columns, room, blocks, pull)
+        frame, numbers = (np.ascontiguousarray(which, np.int64) for which in (self.frame, columns))
+        _normal_blocks(frame, self.gaps, self.by_frame, self.shared, numbers, room, blocks, pull)
         return _gram(self.shared), _flat(self.shared).T @ self.gaps.ravel()
 
 

@@ -59,8 +59,8 @@ def division_camera(focal: float, bend: float, half: float, image_size: tuple[in
 
 
 def poses(camera: Camera, views: list[Seen]) -> Real[Array, "v 4 4"]:
-    """(V, 4, 4) initial guess of T_cam_board of each view under `camera`; NaN where the lens has no ray for a
-    corner."""
+    """(V, 4, 4) initial guess of T_cam_board of each view under `camera`; NaN where the lens has rays for fewer than
+    four corners, or for those of one line only."""
     return _Batch.of(views).poses(camera)
 
 
