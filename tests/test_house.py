@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 import tomllib
+from importlib import import_module
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
@@ -122,6 +123,20 @@ def test_the_command_line_starts_without_numpy():
 def test_import_loads_nothing_of_its_own():
     """Not even NumPy: names arrive at their first use."""
     assert run(f"import rcdn, sys; print([m for m in {LATE!r} if m in sys.modules])") == "[]\n"
+
+
+def test_a_detector_loads_nothing_that_reads_or_writes_cameras():
+    late = ["rcdn.io.cameras", "rcdn.io.calibration", "rcdn.io.rig_files", "rcdn.io.vnl", "rcdn.calibration"]
+    assert run(f"import rcdn, sys; rcdn.Detector(); print([m for m in {late!r} if m in sys.modules])") == "[]\n"
+
+
+@pytest.mark.parametrize("name", ["rcdn", "rcdn.calibration", "rcdn.io"])
+def test_names_that_arrive_late_are_there(name):
+    """In a fresh interpreter, so that no other import has brought them."""
+    code = f"import {name} as it; print(all(n in dir(it) and getattr(it, n) is not None for n in it.__all__))"
+    assert run(code) == "True\n"
+    with pytest.raises(AttributeError, match=f"module '{name}' has no attribute 'nothing'"):
+        import_module(name).nothing  # noqa: B018
 
 
 def test_a_detector_of_plain_boards_needs_no_scipy():

@@ -1,5 +1,6 @@
 /* Weighted residuals of corners, and their normal equations, summed frame by frame. See rcdn.calibration.solver. */
 #include "kernel.h"
+#include "solvers.h"
 
 #include <float.h>
 
@@ -15,6 +16,13 @@ INLINE void weigh(double *row, index_t width, double factor) {
     }
 }
 
+/* The residual of a corner times its weight, out (2). Returns whether it is below `far`: a camera can't see others. */
+INLINE int weighted_gap(const double *gap, double weight, double far, double *out) {
+    out[0] = gap[0] * weight;
+    out[1] = gap[1] * weight;
+    return fabs(out[0]) < far && fabs(out[1]) < far;
+}
+
 /* Multiply residuals gaps (count, 2) and their derivatives by_frame (count, 2, POSE) and shared (count, 2, width) by the
  * corners' weights; 0 for corners whose weighted residual isn't below `far`, which a camera can't see. Where `soft`, the
  * scale of the loss soft_l1, isn't 0, also by the root of its weight, for each axis. */
@@ -23,10 +31,9 @@ FAST_KERNEL(rcdn_weighted, (SIZE, count, gaps, 0), (IN, double, weight, count), 
             (OUT, double, shared, count, 2, width)) {
     for (index_t n = 0; n < count; n++) {
         double *gap = gaps + 2 * n;
-        const double x = gap[0] * weight[n], y = gap[1] * weight[n];
-        const int seen = fabs(x) < far && fabs(y) < far;
-        gap[0] = seen ? x : 0;
-        gap[1] = seen ? y : 0;
+        const int seen = weighted_gap(gap, weight[n], far, gap);
+        gap[0] = seen ? gap[0] : 0;
+        gap[1] = seen ? gap[1] : 0;
         for (int axis = 0; axis < 2; axis++) {
             const double share = soft > 0 ? gap[axis] / soft : 0, calm = 1 / sqrt(sqrt(1 + share * share)),
                          factor = seen ? weight[n] * calm : 0;
@@ -45,10 +52,10 @@ KERNEL(rcdn_cost, (SIZE, count, gaps, 0), (IN, double, gaps, count, 2), (IN, dou
        (REAL, behind), (REAL, soft), (OUT, double, out, 1)) {
     double total = 0;
     for (index_t n = 0; n < count; n++) {
-        const double x = gaps[2 * n] * weight[n], y = gaps[2 * n + 1] * weight[n];
-        const int seen = fabs(x) < far && fabs(y) < far;
+        double gap[2];
+        const int seen = weighted_gap(gaps + 2 * n, weight[n], far, gap);
         for (int axis = 0; axis < 2 && weight[n] > 0; axis++) {
-            const double value = !seen ? behind : axis ? y : x, share = soft > 0 ? value / soft : 0;
+            const double value = seen ? gap[axis] : behind, share = soft > 0 ? value / soft : 0;
             total += soft > 0 ? 2 * soft * soft * (sqrt(1 + share * share) - 1) : value * value;
         }
     }
@@ -96,44 +103,6 @@ FAST_KERNEL(rcdn_normal_blocks, (SIZE, count, gaps, 0), (SIZE, frames, pull, 0),
     return 0;
 }
 
-/* Inverse in place of a lower triangular matrix (n, n), and the sum of its squares: the trace of the inverse of the
- * matrix whose factor it is. */
-INLINE double invert_lower(index_t n, double *m) {
-    double trace = 0;
-    for (index_t k = 0; k < n; k++) {
-        double *row = m + k * LARGEST;
-        const double pivot = row[k];
-        for (index_t j = 0; j < k; j++) {
-            double sum = 0;
-            for (index_t l = j; l < k; l++)
-                sum += row[l] * m[l * LARGEST + j];
-            m[k + j * LARGEST] = -sum / pivot; /* in the upper triangle, until the whole row is there */
-        }
-        for (index_t j = 0; j < k; j++) {
-            row[j] = m[k + j * LARGEST];
-            trace += row[j] * row[j];
-        }
-        row[k] = 1 / pivot;
-        trace += row[k] * row[k];
-    }
-    return trace;
-}
-
-/* Cholesky's lower factor in place of a symmetric matrix (n, n), from its lower triangle. Returns whether it is positive
- * definite. */
-INLINE int factorise(index_t n, double *m) {
-    for (index_t k = 0; k < n; k++)
-        for (index_t j = 0; j <= k; j++) {
-            double *row = m + k * LARGEST, *other = m + j * LARGEST, sum = row[j];
-            for (index_t l = 0; l < j; l++)
-                sum -= row[l] * other[l];
-            if (j == k && !(sum > 0))
-                return 0;
-            row[j] = j < k ? sum / other[j] : sqrt(sum);
-        }
-    return 1;
-}
-
 /* Upper triangular out (count, n, n): for each symmetric block (n, n) the factor of its inverse, whose product with its
  * transpose that is. Diagonals are at least `least` × `whole` (count, n), those before other unknowns were eliminated;
  * parameters whose `whole` is 0 get zeros. Returns the number of the first block that isn't positive definite, or the
@@ -155,7 +124,7 @@ KERNEL(rcdn_inverse_factors, (SIZE, count, blocks, 0), (SIZE, n, blocks, 1), (IN
                 const double both = (block[k * n + j] + block[j * n + k]) / 2;
                 m[k * LARGEST + j] = unit[k] * unit[j] != 0 ? both / (unit[k] * unit[j]) : j == k;
             }
-        if (!factorise(n, m) || !(invert_lower(n, m) < most))
+        if (!factorise(n, LARGEST, m) || !(invert_lower(n, LARGEST, m) < most))
             return f;
         for (index_t k = 0; k < n; k++)
             for (index_t j = 0; j < n; j++)

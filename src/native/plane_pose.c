@@ -33,7 +33,7 @@ INLINE void normal_matrix(index_t count, const double *rays, const double *board
 
 /* Eigenvector of the smallest eigenvalue of a positive semidefinite matrix, which is replaced by its inverse, by the
  * power method. */
-INLINE void weakest(double m[UNKNOWNS][UNKNOWNS], double *out) {
+INLINE void least_eigenvector(double m[UNKNOWNS][UNKNOWNS], double *out) {
     int first = 0;
     invert_definite(UNKNOWNS, UNKNOWNS, m[0]);
     for (int k = 1; k < UNKNOWNS; k++)
@@ -104,7 +104,7 @@ INLINE void nearest_pose(const double *H, double *T) {
 INLINE void ray_homography(index_t count, const double *rays, const double *board, const double *weight, double *H) {
     double m[UNKNOWNS][UNKNOWNS], along = 0;
     normal_matrix(count, rays, board, weight, m);
-    weakest(m, H);
+    least_eigenvector(m, H);
     for (index_t k = 0; k < count; k++)
         for (int i = 0; i < 3; i++)
             along += weight[k] * rays[3 * k + i] *

@@ -1,7 +1,7 @@
 /* Solvers of small linear systems. Each keeps its order of operations, and with it the last bits of what is built on
  * it: systems of two and three unknowns by cofactors; positive definite ones by elimination, by blocks for many
- * unknowns, and by Gauss–Jordan where the inverse is wanted; least squares by Gram–Schmidt. Sizes are constants at each
- * call, so that loops are compiled for them. */
+ * unknowns, by Gauss–Jordan where the inverse is wanted, and by Cholesky's factor where its inverse is; least squares by
+ * Gram–Schmidt. Sizes are constants at each call, but for Cholesky's factor, so that loops are compiled for them. */
 #ifndef RCDN_SOLVERS_H
 #define RCDN_SOLVERS_H
 
@@ -84,6 +84,44 @@ INLINE void invert_definite(index_t n, index_t width, double *m) {
             own[j] = row[j];
     }
     rescale(n, width, m, size);
+}
+
+/* Cholesky's lower factor in place of a symmetric matrix m (n, n), whose rows lie `stride` apart, from its lower
+ * triangle. Returns whether it is positive definite. */
+INLINE int factorise(index_t n, index_t stride, double *m) {
+    for (index_t k = 0; k < n; k++)
+        for (index_t j = 0; j <= k; j++) {
+            double *row = m + k * stride, *other = m + j * stride, sum = row[j];
+            for (index_t l = 0; l < j; l++)
+                sum -= row[l] * other[l];
+            if (j == k && !(sum > 0))
+                return 0;
+            row[j] = j < k ? sum / other[j] : sqrt(sum);
+        }
+    return 1;
+}
+
+/* Inverse in place of a lower triangular matrix m (n, n), whose rows lie `stride` apart, and the sum of its squares: the
+ * trace of the inverse of the matrix whose factor it is. */
+INLINE double invert_lower(index_t n, index_t stride, double *m) {
+    double trace = 0;
+    for (index_t k = 0; k < n; k++) {
+        double *row = m + k * stride;
+        const double pivot = row[k];
+        for (index_t j = 0; j < k; j++) {
+            double sum = 0;
+            for (index_t l = j; l < k; l++)
+                sum += row[l] * m[l * stride + j];
+            m[k + j * stride] = -sum / pivot; /* in the upper triangle, until the whole row is there */
+        }
+        for (index_t j = 0; j < k; j++) {
+            row[j] = m[k + j * stride];
+            trace += row[j] * row[j];
+        }
+        row[k] = 1 / pivot;
+        trace += row[k] * row[k];
+    }
+    return trace;
 }
 
 /* Unknowns that are eliminated together. */

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rcdn.calibration import bundle
 from rcdn.calibration.bundle import (
     DENOMINATOR,
     RADIAL,
@@ -18,6 +17,7 @@ from rcdn.calibration.bundle import (
     linearise,
     residuals,
 )
+from rcdn.calibration.motions import slopes_before
 from rcdn.calibration.solver import Normal
 from rcdn.geometry import rotation
 from rcdn_lab.camera_scenes import CAMERAS, SPACING, labels, random_pose, see
@@ -81,7 +81,7 @@ def test_slopes_before_a_motion_are_those_of_the_moved_points():
     T, number, by_point = np.tile(np.eye(4), (3, 1, 1)), np.array([2, 0, 2, 1]), rng.normal(size=(4, 2, 3))
     T[:, :3, :3] = rotation(rng.normal(size=(3, 3)))
     expected = np.stack([slope @ T[k, :3, :3] for slope, k in zip(by_point, number, strict=True)])
-    assert bundle._before(T, number, by_point) == pytest.approx(expected, abs=1e-14)
+    assert slopes_before(T, number, by_point) == pytest.approx(expected, abs=1e-14)
 
 
 def test_residuals_are_observed_minus_the_pixels_of_linearise():

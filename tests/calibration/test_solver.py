@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from rcdn.calibration import solver
+from rcdn.calibration import arrow, solver
+from rcdn.calibration.arrow import RIDGE
 from rcdn.calibration.bundle import Corners3, Prior, State, default_free, residuals
-from rcdn.calibration.solver import RIDGE, SCALE, Linear, Normal, solve
+from rcdn.calibration.solver import SCALE, Linear, Normal, solve
 from rcdn.types import Camera
 from rcdn_lab.camera_scenes import CAMERAS, SPACING, random_boards
 
@@ -53,19 +54,19 @@ def test_the_arrow_is_the_inverse_of_the_normal_matrix(damping):
     precision = root @ root.T
     normal[18:, 18:] += precision
     normal += damping * np.diag(np.diag(normal))
-    arrow = Linear(np.zeros((len(a), 2)), a, b, frame, 3, precision, np.zeros(5)).normal.arrow(damping)
+    found = Linear(np.zeros((len(a), 2)), a, b, frame, 3, precision, np.zeros(5)).normal.arrow(damping)
     inverse = np.linalg.inv(normal)
-    assert arrow.covariance == pytest.approx(inverse[18:, 18:], rel=1e-9, abs=1e-12)
+    assert found.covariance == pytest.approx(inverse[18:, 18:], rel=1e-9, abs=1e-12)
     columns = [
-        np.concatenate([m.ravel(), s]) for m, s in (arrow.solve(e[:18].reshape(3, 6), e[18:]) for e in np.eye(23))
+        np.concatenate([m.ravel(), s]) for m, s in (found.solve(e[:18].reshape(3, 6), e[18:]) for e in np.eye(23))
     ]
     assert np.stack(columns, axis=1) == pytest.approx(inverse, rel=1e-9, abs=1e-12)
     # the blocks are a factor of it
     factor = np.zeros((23, 23))
     for f in range(3):
-        factor[6 * f : 6 * f + 6, 6 * f : 6 * f + 6] = arrow.own[f]
-        factor[6 * f : 6 * f + 6, 18:] = -arrow.reach[f] @ arrow.rim
-    factor[18:, 18:] = arrow.rim
+        factor[6 * f : 6 * f + 6, 6 * f : 6 * f + 6] = found.own[f]
+        factor[6 * f : 6 * f + 6, 18:] = -found.reach[f] @ found.rim
+    factor[18:, 18:] = found.rim
     assert factor @ factor.T == pytest.approx(inverse, rel=1e-9, abs=1e-12)
 
 
@@ -74,7 +75,7 @@ def test_eigenvalues_below_the_ridge_count_as_the_ridge(least):
     """Whether by Cholesky's factor or, where it says nothing of small eigenvalues, by these."""
     Q = np.linalg.qr(np.random.default_rng(1).normal(size=(6, 6)))[0]
     values = np.array([least, 0.2, 0.5, 1, 1.5, 2])
-    U = solver._inverse_root(((Q * values) @ Q.T)[None])[0]
+    U = arrow._inverse_root(((Q * values) @ Q.T)[None])[0]
     assert np.abs(np.tril(U, -1)).max() == 0
     along = Q.T @ U @ U.T @ Q  # the inverse in the coordinates of the eigenvectors
     assert np.diag(along) == pytest.approx(1 / np.maximum(values, RIDGE), rel=1e-4)
@@ -83,19 +84,19 @@ def test_eigenvalues_below_the_ridge_count_as_the_ridge(least):
 @pytest.mark.parametrize("many", [1, 6, 32, 33])
 def test_factors_of_inverses_whatever_their_size(many):
     """By the kernel and, of more rows than it takes, by LAPACK; asymmetric by rounding, of very different units, with a
-    parameter that no corner depends on, and one of which elimination has left a rounding error."""
+    parameter that no corner depends on."""
     rng = np.random.default_rng(3)
     root = rng.normal(size=(3, many + 3, many)) * 10.0 ** rng.uniform(-6, 6, (3, 1, many))
     blocks = root.transpose(0, 2, 1) @ root
     inverse = np.linalg.inv(blocks)
     unit = np.sqrt(np.einsum("fii->fi", inverse))
-    U = solver._inverse_factor(blocks * (1 + 1e-15 * rng.normal(size=blocks.shape)))
+    U = arrow._inverse_factor(blocks * (1 + 1e-15 * rng.normal(size=blocks.shape)))
     assert np.tril(U, -1).any() == 0
     assert U @ U.transpose(0, 2, 1) / unit[:, :, None] / unit[:, None] == pytest.approx(
         inverse / unit[:, :, None] / unit[:, None], abs=1e-6
     )
     blocks[1, -1], blocks[1, :, -1] = 0, 0
-    U = solver._inverse_factor(blocks)
+    U = arrow._inverse_factor(blocks)
     assert not U[1, -1].any()
     assert not U[1, :, -1].any()
     own = blocks[1, :-1, :-1]
@@ -110,7 +111,7 @@ def test_factors_have_the_ridge_where_a_block_is_singular(many, least):
     values = np.linspace(0.5, 1, many)
     values[0] = least
     block = (Q * values) @ Q.T
-    _, U = solver._inverse_factor(np.stack([np.eye(many), block]))
+    _, U = arrow._inverse_factor(np.stack([np.eye(many), block]))
     unit = np.sqrt(np.diag(block))
     vectors = np.linalg.eigh(block / np.outer(unit, unit))[1]
     along = vectors.T @ (unit[:, None] * U @ U.T * unit) @ vectors
@@ -121,9 +122,9 @@ def test_factors_have_the_ridge_where_a_block_is_singular(many, least):
 @pytest.mark.parametrize("many", [6, 33])
 def test_rounding_that_elimination_leaves_is_no_information(many):
     """A diagonal below 1e-13 of what it was counts as that much."""
-    (U,) = solver._inverse_factor(np.diag(np.full(many, 1e-20))[None], np.ones(many))
+    (U,) = arrow._inverse_factor(np.diag(np.full(many, 1e-20))[None], np.ones(many))
     assert np.diag(U) == pytest.approx(np.full(many, 1e10))
-    (U,) = solver._inverse_factor(np.diag(np.full(many, 1e-14))[None], np.full(many, 0.5))
+    (U,) = arrow._inverse_factor(np.diag(np.full(many, 1e-14))[None], np.full(many, 0.5))
     assert np.diag(U) == pytest.approx(np.full(many, 1e7))
 
 
@@ -131,7 +132,7 @@ def test_factors_of_no_number_are_none():
     broken = np.eye(6)
     broken[1] = broken[:, 1] = np.nan
     with pytest.raises(np.linalg.LinAlgError):
-        solver._inverse_factor(broken[None])
+        arrow._inverse_factor(broken[None])
 
 
 @pytest.mark.parametrize("away", [[np.nan, np.nan], [1e9, 0], [0, -1e9]])

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rcdn.calibration.added_view import Information, Outlook, Prior, frame_rays, level_of
-from rcdn.calibration.bundle import by_motion
 from rcdn.calibration.candidates import in_frame
+from rcdn.calibration.motions import by_motion
 from rcdn.calibration.uncertainty import pixel_jacobians
 from rcdn.geometry import project, project_with_jacobian
 from rcdn.types import Array, Camera

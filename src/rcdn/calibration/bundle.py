@@ -11,8 +11,8 @@ from itertools import accumulate, pairwise
 import numpy as np
 
 from rcdn.calibration.bending import Bending
-from rcdn.geometry import cross_matrix, project, project_with_jacobian, rotation
-from rcdn.native import bind
+from rcdn.calibration.motions import by_motion, moved, slopes_before, transformed
+from rcdn.geometry import cross_matrix, project, project_with_jacobian
 from rcdn.types import LENS, Array, Camera
 from rcdn.types.arrays import Real
 
@@ -25,9 +25,6 @@ coefficient that the corners do not determine stays 0"""
 
 Rows = slice | Array
 """Numbers of corners: a slice where they follow each other, so that arrays of them are views"""
-
-_rigid_points, _rigid_slopes = bind("rcdn_rigid_points"), bind("rcdn_rigid_slopes")
-_slopes_before = bind("rcdn_slopes_before")
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,8 +157,8 @@ class State:
         rig, boards, motions = self.rig, self.boards, places.reshape(-1, 6)
         if len(motions):
             rig, boards = rig.copy(), boards.copy()
-            rig[1:], boards[1:] = _move(rig[1:], motions[:others]), _move(boards[1:], motions[others:])
-        poses, shape = _move(self.poses, by_frame), self.shape + shape.reshape(-1, 3)
+            rig[1:], boards[1:] = moved(rig[1:], motions[:others]), moved(boards[1:], motions[others:])
+        poses, shape = moved(self.poses, by_frame), self.shape + shape.reshape(-1, 3)
         return replace(self, cameras=cameras, poses=poses, rig=rig, shape=shape, boards=boards, late=self.late + late)
 
 
@@ -203,17 +200,6 @@ def with_fixed(state: State, fixed: Collection[str]) -> State:
     return replace(state, cameras=(replace(camera, K=K),), prior=Prior(mean, precision))
 
 
-def _move(T: Array, motions: Array) -> Real[Array, "f 4 4"]:
-    """Poses (F, 4, 4) after motions (F, 6): a rotation about the origin of the camera, then a translation."""
-    out = T.copy()
-    if not len(T):
-        return out
-    R = rotation(motions[:, :3])
-    out[:, :3, :3] = R @ T[:, :3, :3]
-    out[:, :3, 3] = (R @ T[:, :3, 3, None])[..., 0] + motions[:, 3:]
-    return out
-
-
 def residuals(state: State, corners: Corners3) -> Real[Array, "n 2"]:
     """(N, 2) observed − projected, px; NaN where the camera cannot see the corner."""
     points, xy = _placed(state, corners)[2], np.full((len(corners), 2), np.nan)
@@ -231,7 +217,7 @@ def on_first_board(state: State, corners: Corners3) -> Real[Array, "n 3"]:
     board[:, :2] += corners.board
     if corners.part is None or len(state.boards) == 1:
         return board
-    return _transformed(state.boards, corners.part, board)
+    return transformed(state.boards, corners.part, board)
 
 
 def middles(state: State, corners: Corners3) -> Real[Array, "f 3"]:
@@ -246,32 +232,17 @@ def _placed(state: State, corners: Corners3) -> tuple[Array, Array, Array]:
     """(N, 3) the corners in the coordinates of the first board, in those of the first camera, and, when the camera that
     saw each took its picture, in that one's."""
     board = on_first_board(state, corners)
-    first = _transformed(state.poses, corners.frame, board)
+    first = transformed(state.poses, corners.frame, board)
     then = first
     if len(state.late):
         then = first + state.late[corners.camera][:, None] * _carried(state, corners, first)
-    return board, first, then if (state.rig == np.eye(4)).all() else _transformed(state.rig, corners.camera, then)
+    return board, first, then if (state.rig == np.eye(4)).all() else transformed(state.rig, corners.camera, then)
 
 
 def _carried(state: State, corners: Corners3, first: Real[Array, "n 3"]) -> Real[Array, "n 3"]:
     """(N, 3) m: the corners' displacements in a moment, at `first` in the first camera's coordinates."""
     motion = state.velocity[corners.frame]
     return np.asarray(np.cross(motion[:, :3], first) + motion[:, 3:])
-
-
-def _transformed(T: Real[Array, "f 4 4"], number: Real[Array, " n"], points: Real[Array, "n 3"]) -> Real[Array, "n 3"]:
-    """`points` (N, 3) after the rigid motion `number` (N,) among `T`."""
-    out = np.empty((len(points), 3))
-    _rigid_points(np.ascontiguousarray(T), np.ascontiguousarray(number, np.int64), np.ascontiguousarray(points), out)
-    return out
-
-
-def _before(T: Real[Array, "f 4 4"], number: Real[Array, " n"], by_point: Real[Array, "n 2 3"]) -> Real[Array, "n 2 3"]:
-    """Derivatives (N, 2, 3) by points before the rigid motion `number` (N,) among `T`, of those `by_point` after it."""
-    out = np.empty(by_point.shape)
-    each = np.ascontiguousarray(number, np.int64), np.ascontiguousarray(by_point)
-    _slopes_before(np.ascontiguousarray(T), *each, out)
-    return out
 
 
 def linearise(state: State, corners: Corners3) -> tuple[Array, Array, Array]:
@@ -319,10 +290,10 @@ def linearise_one(state: State, corners: Corners3, camera: int) -> tuple[Array, 
     if camera:
         parts.append(by_motion(by_point, points))
     if part is not None or len(state.shape):
-        by_board = _before(state.poses, corners.frame, in_first)
+        by_board = slopes_before(state.poses, corners.frame, in_first)
         if part is not None:
             parts.append(_by_places(part, len(state.boards), by_motion(by_board, board)))
-            by_board = _before(state.boards, part, by_board)
+            by_board = slopes_before(state.boards, part, by_board)
         if len(state.shape):
             by_shape = [_by_shape(corners.basis[:, : len(state.shape)], by_board)]
     parts += [*by_late, *by_shape]
@@ -344,14 +315,6 @@ def _by_places(part: Array, boards: int, by_motion: Real[Array, "n 2 6"]) -> Rea
     out = np.zeros((len(part), 2, boards, 6))
     out[np.arange(len(part)), :, part] = by_motion
     return out[:, :, 1:].reshape(len(part), 2, 6 * (boards - 1))
-
-
-def by_motion(by_point: Real[Array, "n 2 3"], points: Real[Array, "n 3"]) -> Real[Array, "n 2 6"]:
-    """Derivatives (N, 2, 6) by a small motion, rotation before shift, of what depends on `points` (N, 3) with the
-    derivatives `by_point` (N, 2, 3)."""
-    out = np.empty((len(points), 2, 6))
-    _rigid_slopes(np.ascontiguousarray(by_point), np.ascontiguousarray(points), out)
-    return out
 
 
 def default_free(state: State, shape: bool = False, lens: bool = True, rig: bool = False) -> Array:

@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rcdn.calibration.arrow import Arrow
 from rcdn.calibration.bundle import Corners3, State, default_free, middles, residuals
 from rcdn.calibration.shape import Spread, likeliest, with_spread
-from rcdn.calibration.solver import BEHIND, ROUGH_TOLERANCE, Arrow, solve
+from rcdn.calibration.solver import BEHIND, ROUGH_TOLERANCE, solve
 from rcdn.calibration.start import Seen
 from rcdn.calibration.start import poses as poses_of
 from rcdn.calibration.uncertainty import JACKKNIFE, Clustered, clustered

@@ -9,8 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from rcdn.calibration.arguments import check_calibration
-from rcdn.calibration.bundle import Corners3, State, by_motion
-from rcdn.calibration.solver import Arrow, Linear, without_pose
+from rcdn.calibration.arrow import Arrow
+from rcdn.calibration.bundle import Corners3, State
+from rcdn.calibration.motions import by_motion
+from rcdn.calibration.solver import Linear, without_pose
 from rcdn.errors import ConfigError, shown
 from rcdn.geometry import project_with_jacobian, unproject
 from rcdn.geometry.rigid import unit

@@ -124,12 +124,10 @@ def usable(
 def _basis(labels: list[Labelled], whole: Geometry) -> Real[Array, "n b"]:
     """(N, B) functions of the board's shape at the corners; 0 in views of other boards, or in which it is unknown which
     corner is which."""
-    shaped = [label.settled and label.main and bool(whole.size) for label in labels]
-    rows = np.repeat(shaped, [len(label.ij) for label in labels])
+    rows = np.repeat([label.settled and label.main for label in labels], [len(label.ij) for label in labels])
     out = np.zeros((len(rows), len(FUNCTIONS)))
     if whole.size and rows.any():
-        ij = np.concatenate([label.ij for label, has in zip(labels, shaped, strict=True) if has])
-        out[rows] = shape_basis(ij, whole.size, whole.plane)
+        out[rows] = shape_basis(np.concatenate([label.ij for label in labels])[rows], whole.size, whole.plane)
     return out
 
 
