@@ -6,8 +6,11 @@ import cv2
 import numpy as np
 import pytest
 
+from rcdn.batch.inputs import gather
 from rcdn.calibration.frames import CANDIDATES, FrameSummary, candidates, choose_views, frame_summary
+from rcdn.config import DetectorConfig
 from rcdn.io import ImageResult, frames
+from rcdn.io.images import frame_rate
 from rcdn.synthetic import Background, BoardSpec, Scene, Sensor, render
 from rcdn.types import Board, Corners
 
@@ -111,6 +114,42 @@ def test_no_stretch_of_time_is_passed_over():
     chosen = candidates(wild + calm)
     assert len(chosen) == CANDIDATES
     assert sum(k >= 600 for k in chosen) >= 12
+
+
+def test_frames_seconds_apart_are_not_judged_by_each_other():
+    """A board far away has less contrast along lines of pixels than one that was near a second before."""
+    rng = np.random.default_rng(0)
+    lapse = [FrameSummary(energy, rng.random((12, 16)).astype(np.float32)) for energy in (90.0, 30.0, 100.0, 20.0) * 3]
+    assert candidates(lapse, rate=1) == list(range(12))
+    assert candidates(lapse, rate=3) == [k for k in range(12) if k % 2 == 0]  # a third of a second is one frame here
+    assert candidates(lapse) == candidates(lapse, rate=30) == [k for k in range(12) if k % 2 == 0]
+
+
+def test_pictures_taken_a_second_apart_are_all_used(tmp_path):
+    """Every second board is far away, so that few of the frame's pixels are at edges."""
+    path = tmp_path / "lapse.avi"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 1, (320, 240))
+    if not writer.isOpened():
+        pytest.skip("this OpenCV writes no video")
+    for number, (rvec, place, z) in enumerate(POSES):
+        frame = picture((rvec, place, z * (2.5 if number % 2 else 1)), number)
+        writer.write(cv2.cvtColor(frame, cv2.COLOR_GRAY2BGR))
+    writer.release()
+    got = gather([str(path)], DetectorConfig(), jobs=1)
+    assert [i.path for i in got.images] == [f"{path}#{k:06d}" for k in range(6)]
+    assert got.notes == (f"{path}: 6 frames are used, of 6 with a board, of 6 sharp and different ones, of 6",)
+
+
+@pytest.mark.parametrize("rate", [1.0, 12.5, 30.0])
+def test_the_rate_of_a_video_is_read_from_its_file(tmp_path, rate):
+    path = tmp_path / "clip.avi"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), rate, (64, 48))
+    if not writer.isOpened():
+        pytest.skip("this OpenCV writes no video")
+    for _ in range(3):
+        writer.write(np.zeros((48, 64, 3), np.uint8))
+    writer.release()
+    assert frame_rate(path) == pytest.approx(rate)
 
 
 @pytest.mark.parametrize(

@@ -255,6 +255,7 @@ def _candidates(path: Path, content: str, cache: Cache | None) -> tuple[int, lis
     or ""."""
     from rcdn.calibration import frames as choice
     from rcdn.io import frames
+    from rcdn.io.images import frame_rate
 
     key = ""
     if cache is not None and content:
@@ -270,7 +271,7 @@ def _candidates(path: Path, content: str, cache: Cache | None) -> tuple[int, lis
         if not summaries:
             raise
         error = str(failed)
-    numbers = choice.candidates(summaries)
+    numbers = choice.candidates(summaries, rate=frame_rate(path))
     if cache is not None and key and not error:
         cache.put(key, {"count": len(summaries), "frames": numbers})
     return len(summaries), numbers, error

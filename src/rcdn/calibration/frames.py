@@ -15,6 +15,7 @@ import numpy as np
 
 from rcdn.calibration.outlines import distances, outline
 from rcdn.io import ImageResult
+from rcdn.io.images import RATE
 from rcdn.types import Array, Board
 from rcdn.types.arrays import Real
 
@@ -25,8 +26,9 @@ WIDE = 640
 THUMB, SMOOTH = (16, 12), 1.5
 """(width, height) of the thumbnails that are compared, and the sigma of their smoothing, so that they change gradually
 as a board moves"""
-NEAR, SHARP = 7, 0.7
-"""a frame is sharp if its energy is at least SHARP × the largest within NEAR frames of it"""
+NEAR, SHARP = 0.23, 0.7
+"""a frame is sharp if its energy is at least SHARP × the largest within NEAR seconds of it, in which a board moves little;
+frames further apart may show it nearer or farther"""
 SAME = 0.02
 """share of a thumbnail's mean: frames that differ by less show the same"""
 ALIKE = 0.004
@@ -64,9 +66,9 @@ def frame_summary(grey: Array) -> FrameSummary:
     return FrameSummary(energy, cv2.GaussianBlur(small, (0, 0), SMOOTH))
 
 
-def candidates(summaries: Sequence[FrameSummary], most: int = CANDIDATES) -> list[int]:
+def candidates(summaries: Sequence[FrameSummary], most: int = CANDIDATES, rate: float = RATE) -> list[int]:
     """Indices, ascending, of at most `most` frames that are sharp among their neighbours in time and differ from each
-    other.
+    other. `rate`: frames a second.
 
     The sharpest frame of each of `most` ÷ 2 equal intervals of time is selected first, so that no part of the video is
     missed; then those that differ most from all selected ones.
@@ -76,7 +78,7 @@ def candidates(summaries: Sequence[FrameSummary], most: int = CANDIDATES) -> lis
     energy = np.array([g.energy for g in summaries])
     small = np.stack([g.small.ravel() for g in summaries])
     small /= max(float(np.percentile(small.mean(axis=1), 90)), 1e-6)
-    eligible = energy >= SHARP * _largest_near(energy)
+    eligible = energy >= SHARP * _largest_near(energy, round(NEAR * rate))
     gap = np.where(eligible, np.inf, -1.0)
     chosen: list[int] = []
 
@@ -93,10 +95,10 @@ def candidates(summaries: Sequence[FrameSummary], most: int = CANDIDATES) -> lis
     return sorted(chosen)
 
 
-def _largest_near(energy: Array) -> Real[Array, " n"]:
-    """(N,) the largest energy within NEAR frames."""
-    padded = np.pad(energy, NEAR, constant_values=-np.inf)
-    return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, 2 * NEAR + 1).max(axis=1))
+def _largest_near(energy: Array, near: int) -> Real[Array, " n"]:
+    """(N,) the largest energy within `near` frames."""
+    padded = np.pad(energy, near, constant_values=-np.inf)
+    return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, 2 * near + 1).max(axis=1))
 
 
 def choose_views(images: Sequence[ImageResult], most: int = VIEWS) -> list[int]:

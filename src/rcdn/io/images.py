@@ -31,6 +31,8 @@ _HEAD = 32  # bytes that determine the format
 _BAGS = (".bag", ".db3", ".mcap")
 _GREY_MODES = ("1", "L", "I", "F", "I;16", "I;16L", "I;16B", "I;16N")  # of PIL
 _PIECE = 1 << 24  # bytes read at once
+RATE, RATES = 30.0, (0.001, 1000.0)
+"""frames a second of a video whose file states no rate within these limits"""
 _DECODE = "cv2.imdecode(np.frombuffer({}, np.uint8), cv2.IMREAD_UNCHANGED)"
 _FIRST = f"decode it first: {_DECODE.format('data')}"
 _TO_ARRAY = {
@@ -149,6 +151,15 @@ def colour_frames(path: str | Path) -> Iterator[tuple[str, Array]]:
     if count == 0:
         fix = "the file was cut short; copy it again" if cut else "convert it to MP4 (H.264) or AVI (MJPEG)"
         raise ImageError(f"{path}: the video can't be opened or holds no frame; {fix}")
+
+
+def frame_rate(path: str | Path) -> float:
+    """Frames a second of a video as its file states them; `RATE` if it states none that a camera may have had."""
+    with quiet_opencv():
+        video = cv2.VideoCapture(str(path))
+        rate = float(video.get(cv2.CAP_PROP_FPS))
+        video.release()
+    return rate if RATES[0] <= rate <= RATES[1] else RATE
 
 
 def _video(path: str) -> Iterator[Array]:
