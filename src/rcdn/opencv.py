@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any, Literal
 
@@ -38,18 +39,19 @@ def find_chessboard_corners(
     return False, None
 
 
-def detect_charuco(image: Any, board: Any) -> tuple[Array | None, Array | None]:
+def detect_charuco(image: Any, board: Any, inverted: bool = False) -> tuple[Array | None, Array | None]:
     """A drop-in for `cv2.aruco.CharucoDetector(board).detectBoard(image)[:2]`: (corners (N, 1, 2) float32, ids (N, 1)
     int32), in ascending order of ids.
 
     The shapes are those of OpenCV 4. `board`: a `cv2.aruco.CharucoBoard`, of which the dictionary, size and ids are
-    used, and the legacy flag where the picture leaves that open. The corners are already refined to sub-pixel accuracy;
+    used, and the legacy flag where the picture leaves that open. `inverted`: black and white are exchanged in print, for
+    which OpenCV needs `DetectorParameters.detectInvertedMarker`. The corners are already refined to sub-pixel accuracy;
     if the picture shows several such boards, they are those of the largest. Returns (None, None) if no part of the
     board is identified with certainty; boards of 3 × 3 squares (2 × 2 corners) are not read. Raises ConfigError for
     another type of board, and for one whose markers are not in any of OpenCV's dictionaries or are not numbered
     consecutively; ImageError for an unusable image.
     """
-    target = charuco_of(board)
+    target = replace(charuco_of(board), inverted=inverted)
     found = [b for b in _detector(target).boards(image) if b.ids is not None]
     if not found:
         return None, None

@@ -62,6 +62,17 @@ def test_the_legacy_flag_need_not_be_right():
     assert np.abs(corners[:, 0] - truth).max() < 0.2
 
 
+@pytest.mark.parametrize("legacy", [False, True])
+def test_inverted_boards_are_read_where_they_are_said_to_be(legacy):
+    image, truth = seen(charuco(5, 6, "DICT_4X4_50", legacy=legacy), noise=1)
+    board = board_of(5, 6, "DICT_4X4_50", legacy=legacy)
+    corners, ids = rcdn.detect_charuco(255 - image, board, inverted=True)
+    assert ids.ravel().tolist() == list(range(20))
+    assert np.abs(corners[:, 0] - truth).max() < 0.2
+    assert rcdn.detect_charuco(255 - image, board) == (None, None)
+    assert rcdn.detect_charuco(image, board, inverted=True) == (None, None)
+
+
 def test_a_row_beyond_the_given_board_has_no_numbers():
     image, truth = seen(charuco(8, 6, "DICT_4X4_50"), noise=1)
     board = board_of(8, 5, "DICT_4X4_50")
