@@ -1,5 +1,6 @@
 """Fixtures of the whole test run."""
 
+import gc
 import os
 import re
 import signal
@@ -16,6 +17,8 @@ if find_spec("jaxtyping") and find_spec("beartype") and os.environ.get("RCDN_SHA
     from tests import shape_checks
 
     shape_checks.install()
+
+gc.disable()  # all that is made while tests are collected stays; to go through it again and again is a third of the time
 
 settings.register_profile("fixed", derandomize=True)  # the same examples in every run
 settings.load_profile("fixed")
@@ -51,6 +54,12 @@ def run(monkeypatch, tmp_path):
 
     monkeypatch.chdir(tmp_path)
     return lambda *arguments: CliRunner().invoke(app, [str(a) for a in arguments], catch_exceptions=False)
+
+
+def pytest_collection_finish() -> None:
+    """From here on garbage is collected, but what is there now isn't searched for any."""
+    gc.freeze()
+    gc.enable()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
