@@ -66,14 +66,7 @@ def _over(image: Array, drawing: Drawing, scene: Scene, samples: int) -> Array:
     for dy in steps:
         for dx in steps:
             place = at + along_x * dx + along_y * dy
-            seen += cv2.remap(
-                sheet,
-                place[..., 0],
-                place[..., 1],
-                cv2.INTER_LINEAR,
-                borderMode=cv2.BORDER_CONSTANT,
-                borderValue=(0, 0),
-            )
+            seen += cv2.remap(sheet, place, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=(0, 0))
     seen /= samples**2
     out = image.copy()
     out[part] = image[part] * (1 - seen[..., 1]) + seen[..., 0]
