@@ -11,7 +11,7 @@ from rcdn.synthetic import HARD, ORDINARY, PRESETS, TRAINING, Ranges, random_cro
 from rcdn.synthetic.background import KINDS, paint
 from rcdn.synthetic.crops import crop_scene
 from rcdn.synthetic.scene import Background
-from rcdn.synthetic.surface import board_pose, board_to_pixels
+from rcdn.synthetic.surface import board_to_pixels
 
 pytestmark = pytest.mark.xdist_group("sample")  # the same scenes
 
@@ -23,7 +23,7 @@ def hard_scenes():
 
 def tilt(scene, spec):
     """Angle, degrees, of a board to the axis, or (fisheye) to the line of sight of its middle; px per square."""
-    pose = board_pose(spec)
+    pose = spec.pose
     middle = pose.R @ [(spec.cols - 1) / 2, (spec.rows - 1) / 2 * spec.aspect, 0] + pose.t
     fisheye = scene.model == "fisheye"
     sight = middle / np.linalg.norm(middle) if fisheye else np.array([0, 0, 1.0])

@@ -8,7 +8,7 @@ from plain_scene import BROWN, FISHEYE, board, corners_of, empty
 
 from rcdn.geometry import unproject
 from rcdn.synthetic import Bend
-from rcdn.synthetic.surface import board_points, board_pose, board_to_pixels, rays_to_board, viewing_cosine
+from rcdn.synthetic.surface import board_points, board_to_pixels, rays_to_board, viewing_cosine
 
 BENDS = {
     "flat": None,
@@ -58,7 +58,7 @@ def test_viewing_cosine_of_a_bend_is_that_of_its_tangent():
     points = board_points(spec, uv)
     du, dv = (board_points(spec, uv + step) - points for step in ([h, 0], [0, h]))
     normal = np.cross(du, dv)
-    pose = board_pose(spec)
+    pose = spec.pose
     sight = points + pose.R.T @ pose.t
     cos = (normal * sight).sum(1) / np.linalg.norm(normal, axis=1) / np.linalg.norm(sight, axis=1)
     assert viewing_cosine(spec, uv) == pytest.approx(cos, abs=1e-4)

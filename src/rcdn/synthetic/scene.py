@@ -10,10 +10,13 @@ from __future__ import annotations
 import dataclasses
 import json
 from dataclasses import dataclass
+from functools import cached_property
 
+import cv2
 import numpy as np
 
-from rcdn.types import Array, Camera, CameraModel, Pattern
+from rcdn.geometry.rigid import motion
+from rcdn.types import Array, Camera, CameraModel, Pattern, Pose
 
 
 @dataclass(frozen=True)
@@ -60,6 +63,11 @@ class BoardSpec:
     painted: tuple[tuple[int, int, float], ...] = ()
     coded: int = 0
     pattern: Pattern = "checker"
+
+    @cached_property
+    def pose(self) -> Pose:
+        """T_cam_board, in squares."""
+        return Pose(motion(cv2.Rodrigues(np.array(self.rvec, float))[0], np.array(self.tvec)))
 
 
 @dataclass(frozen=True)
@@ -138,7 +146,7 @@ class Scene:
     background: Background = dataclasses.field(default_factory=Background)
     seed: int = 0
 
-    @property
+    @cached_property
     def camera(self) -> Camera:
         """The scene's camera."""
         (cx, cy), f = self.centre, self.focal

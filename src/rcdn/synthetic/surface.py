@@ -2,21 +2,14 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 
 from rcdn.geometry import project, transform
-from rcdn.geometry.rigid import motion
 from rcdn.synthetic.lattice import middle
 from rcdn.synthetic.scene import Bend, BoardSpec
-from rcdn.types import Array, Camera, Pose, plane_points
+from rcdn.types import Array, Camera, plane_points
 from rcdn.types.arrays import Real, Shaped
 from rcdn.types.plane import ROW
-
-
-def board_pose(spec: BoardSpec) -> Pose:
-    """T_cam_board of a board, in squares."""
-    return Pose(motion(cv2.Rodrigues(np.array(spec.rvec, float))[0], np.array(spec.tvec)))
 
 
 def _height(bend: Bend, x: Array, y: Array, centre: Array) -> tuple[Array, Array]:
@@ -39,12 +32,12 @@ def board_points(spec: BoardSpec, uv: Shaped[Array, "n 2"]) -> Real[Array, "n 3"
 
 def board_to_pixels(spec: BoardSpec, camera: Camera, uv: Array) -> Real[Array, "n 2"]:
     """Pixels (N, 2) of board coordinates (N, 2): the exact ground truth. NaN behind a pinhole camera."""
-    return project(camera, transform(board_pose(spec), board_points(spec, uv)))
+    return project(camera, transform(spec.pose, board_points(spec, uv)))
 
 
 def viewing_cosine(spec: BoardSpec, uv: Array) -> Real[Array, " n"]:
     """Cosine (N,) of the angle between the sheet's normal and the line of sight; negative where the back is seen."""
-    pose, points = board_pose(spec), board_points(spec, uv)
+    pose, points = spec.pose, board_points(spec, uv)
     normal = np.tile([0.0, 0.0, 1.0], (len(uv), 1))
     if spec.bend is not None:
         slope = _height(spec.bend, points[:, 0], points[:, 1], middle(spec))[1]
@@ -56,7 +49,7 @@ def viewing_cosine(spec: BoardSpec, uv: Array) -> Real[Array, " n"]:
 
 def rays_to_board(spec: BoardSpec, rays: Array) -> tuple[Array, Array]:
     """Intersection of viewing rays (..., 3) with the sheet: u, v (...), NaN where they miss it or see its back."""
-    pose = board_pose(spec)
+    pose = spec.pose
     origin = -pose.R.T @ pose.t
     e = rays @ pose.R
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -29,6 +29,7 @@ RIGID = 1e-5
 """largest deviation of a rotation's rows from orthonormal ones in files, where numbers are rounded to five digits"""
 CHAINED = 1e-3
 """that of a pose: it may be a product of many that files hold"""
+_IDENTITY = np.eye(3)
 LARGEST = 1e100
 """any other number lies within ±LARGEST, so that its square is finite"""
 
@@ -78,7 +79,7 @@ def is_rigid(T: Array, within: float = RIGID) -> bool:
     R = T[:3, :3]
     if not (np.abs(R) <= 2).all() or not np.isfinite(T).all() or not np.array_equal(T[3], [0, 0, 0, 1]):
         return False
-    return bool(np.allclose(R @ R.T, np.eye(3), atol=within) and np.linalg.det(R) > 0)
+    return bool((np.abs(R @ R.T - _IDENTITY) <= within + RIGID * _IDENTITY).all() and np.linalg.det(R) > 0)
 
 
 def focal_trouble(K: Array) -> str:

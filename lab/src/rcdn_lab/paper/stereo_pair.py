@@ -17,7 +17,7 @@ from rcdn.errors import ConfigError
 from rcdn.geometry import rotation
 from rcdn.synthetic import Background, BoardSpec, Light, Scene, Sensor, truth
 from rcdn.synthetic.sample import shade
-from rcdn.synthetic.surface import board_pose, board_to_pixels
+from rcdn.synthetic.surface import board_to_pixels
 from rcdn.types import Array, Camera
 from rcdn_lab.sweep.pictures import KINDS, TRIES, placed
 
@@ -83,7 +83,7 @@ def pictures(made: Sequence[View], folder: Path) -> list[tuple[Scene, Path]]:
 
 def _view(rng: Rng, index: int) -> View:
     left = _board(rng)
-    T_left = board_pose(left).T_cam_board
+    T_left = left.pose.T_cam_board
     right = _moved(left, right_from_left(SPACING) @ T_left)
     noise, blur = np.exp(rng.uniform(np.log([1.5, 0.5]), np.log([9.0, 1.6])))
     motion = float(rng.uniform(1, 4)) if rng.random() < 0.2 else 0.0
@@ -92,7 +92,7 @@ def _view(rng: Rng, index: int) -> View:
     )
     scenes = tuple(_scene(rng, side, spec, sensor, index) for side, spec in zip(SIDES, (left, right), strict=True))
     known = [truth(scene)[0] for scene in scenes]
-    T = np.stack([T_left, board_pose(right).T_cam_board])
+    T = np.stack([T_left, right.pose.T_cam_board])
     return View((scenes[0], scenes[1]), np.stack([k.xy for k in known]), T)
 
 
@@ -108,7 +108,7 @@ def _board(rng: Rng) -> BoardSpec:
         spec = placed(blank, left, at, pitch, tilt, float(axis), float(roll))
         if spec is None or not _is_whole(spec, left):
             continue
-        if _is_whole(_moved(spec, T @ board_pose(spec).T_cam_board), camera_of("right")):
+        if _is_whole(_moved(spec, T @ spec.pose.T_cam_board), camera_of("right")):
             return spec
     raise ConfigError(f"stereo pair: no place for a board in {TRIES} tries")
 
