@@ -24,6 +24,8 @@ MACHINERY = {"elementary.c", "elementary.h", "kernel.h", "lanes.h", "levels.c", 
 series of elementary functions"""
 CALIBRATION = {"lens.c", "normal.c", "plane_pose.c", "rigid.c"}
 """kernels of calibrations, whose constants are not those of detection"""
+RENDERING = {"sheet.c"}
+"""kernels of rendered pictures, likewise"""
 SOURCES = ("*derived*", "*paper*", "*experiment*", "*noted*", "*convention*", "*not measured: chosen by hand*")
 BRACES = r"\{(?:[^{}]|\{[^{}]*\})*\}"
 IN_C = re.compile(
@@ -121,7 +123,7 @@ def in_the_code():
     found += [
         (path, pair)
         for path in sorted((ROOT / "src/native").glob("*.[ch]"))
-        if path.name not in MACHINERY | CALIBRATION
+        if path.name not in MACHINERY | CALIBRATION | RENDERING
         for pair in of_kernel(path)
     ]
     found += [(ROOT / "src/rcdn/config.py", pair) for pair in of_settings()]

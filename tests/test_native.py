@@ -81,6 +81,7 @@ def use_the_package():
     ij, xy = board.ij, board.xy
     Detector().detect(dimmed(grey, xy[15]))
     Detector(DetectorConfig(pattern="deltille")).detect(board_picture(pattern="deltille"))
+    board_picture(coded=4, painted=((1, 2, 0.4),), swap=True)
     maps = lattice.lattice(ij, xy)
     frame = window.frames(maps, xy, np.zeros(ij.shape, bool), 1.0)
     window_pixels.windows(grey, maps, frame)

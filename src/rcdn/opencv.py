@@ -44,9 +44,9 @@ def detect_charuco(image: Any, board: Any, inverted: bool = False) -> tuple[Arra
     int32), in ascending order of ids.
 
     The shapes are those of OpenCV 4. `board`: a `cv2.aruco.CharucoBoard`, of which the dictionary, size and ids are
-    used, and the legacy flag where the picture leaves that open. `inverted`: black and white are exchanged in print, for
-    which OpenCV needs `DetectorParameters.detectInvertedMarker`. The corners are already refined to sub-pixel accuracy;
-    if the picture shows several such boards, they are those of the largest. Returns (None, None) if no part of the
+    used, and the legacy flag where the picture leaves that open. `inverted`: black and white are exchanged in print
+    (OpenCV's `DetectorParameters.detectInvertedMarker`). The corners are already refined to sub-pixel accuracy; if the
+    picture shows several such boards, they are those of the largest. Returns (None, None) if no part of the
     board is identified with certainty; boards of 3 × 3 squares (2 × 2 corners) are not read. Raises ConfigError for
     another type of board, and for one whose markers are not in any of OpenCV's dictionaries or are not numbered
     consecutively; ImageError for an unusable image.

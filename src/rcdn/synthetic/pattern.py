@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
+from rcdn.native import bind
 from rcdn.synthetic.lattice import extent, upright
 from rcdn.synthetic.scene import BoardSpec
 from rcdn.types import Array
@@ -11,16 +14,27 @@ from rcdn.types import Array
 F32 = np.float32
 
 
-def _pulse(u: Array, width: Array, duty: float) -> Array:
-    """Share of [u − w/2, u + w/2] inside the pulses [2n + (1−duty)/2, 2n + (1+duty)/2], n any integer."""
-    start = F32((1 - duty) / 2)
+class _Sheet(NamedTuple):
+    """The kernel's group of arguments."""
 
-    def integral(x: Array) -> Array:
-        x = x - start
-        n = np.floor(x * F32(0.5))
-        return np.asarray(n * F32(duty) + np.clip(x - 2 * n, 0, F32(duty)))
+    black: float
+    white: float
+    beyond: float
+    duty: float
+    columns: float
+    rows: float
+    margin: float
+    swap: int
+    coded: int
 
-    return np.asarray((integral(u + width * F32(0.5)) - integral(u - width * F32(0.5))) / width)
+    @classmethod
+    def of(cls, spec: BoardSpec) -> _Sheet:
+        duty = 1 - 2 * spec.bleed
+        size = spec.cols, spec.rows, spec.margin
+        return cls(spec.black, spec.white, spec.margin_value, duty, *size, int(spec.swap), spec.coded)
+
+
+_sheet = bind("rcdn_sheet", _Sheet)
 
 
 def _inside(u: Array, width: Array, low: float, high: float) -> Array:
@@ -38,22 +52,11 @@ def sheet(spec: BoardSpec, u: Array, v: Array, wu: Array, wv: Array, ws: Array |
     """
     if spec.pattern == "deltille":
         return _triangles(spec, u, v, wu, wv, wu if ws is None else ws)
-    duty = 1 - 2 * spec.bleed
-    odd_u, odd_v = _pulse(u, wu, duty), _pulse(v, wv, duty)
-    even_u, even_v = _pulse(u + 1, wu, duty), _pulse(v + 1, wv, duty)
-    dark = np.clip(odd_u * odd_v + even_u * even_v, 0, 1)
-    if spec.swap:
-        dark = np.clip(odd_u * even_v + even_u * odd_v, 0, 1)
-    value = F32(spec.white) + F32(spec.black - spec.white) * dark
-    if spec.coded:
-        value = _markers(spec, value, u, v, dark)
-    for i, j, paint in spec.painted:
-        cover = _inside(u, wu, i - 1, i) * _inside(v, wv, j - 1, j)
-        value = value * (1 - cover) + F32(paint) * cover
-    printed = _inside(u, wu, -1, spec.cols) * _inside(v, wv, -1, spec.rows)
-    value = value * printed + F32(spec.margin_value) * (1 - printed)
-    m = spec.margin
-    return value, _inside(u, wu, -1 - m, spec.cols + m) * _inside(v, wv, -1 - m, spec.rows + m)
+    value, cover = np.empty(u.shape, F32), np.empty(u.shape, F32)
+    flat = (np.ascontiguousarray(a).ravel() for a in (u, v, wu, wv))
+    painted = np.array(spec.painted, float).reshape(-1, 3)
+    _sheet(_Sheet.of(spec), painted, *flat, value.reshape(-1), cover.reshape(-1))
+    return value, cover
 
 
 def _triangles(spec: BoardSpec, u: Array, v: Array, wu: Array, wv: Array, ws: Array) -> tuple[Array, Array]:
@@ -101,17 +104,3 @@ def _printed(spec: BoardSpec, u: Array, v: Array) -> Array:
 
     tip = np.where(u - i + v - j < 1, held(i, j), held(i + 1, j + 1))
     return np.asarray(tip | held(i + 1, j) | held(i, j + 1))
-
-
-def _markers(spec: BoardSpec, value: Array, u: Array, v: Array, dark: Array) -> Array:
-    """Draw a marker into each white square, a random code with a black border, as on ChArUco boards."""
-    n = spec.coded + 2
-    fu, fv = u - np.floor(u), v - np.floor(v)
-    bu, bv = np.floor((fu - 0.15) / 0.7 * n).astype(np.int64), np.floor((fv - 0.15) / 0.7 * n).astype(np.int64)
-    inside = (bu >= 0) & (bu < n) & (bv >= 0) & (bv < n) & (dark < 0.5)
-    frame = (bu == 0) | (bu == n - 1) | (bv == 0) | (bv == n - 1)
-    iu, iv = np.floor(u).astype(np.int64), np.floor(v).astype(np.int64)
-    key = (iu * 73856093) ^ (iv * 19349663) ^ (bu * 83492791) ^ (bv * 49979693)
-    bit = ((key * 2654435761) >> 13) & 1
-    ink = inside & (frame | (bit == 0))
-    return np.where(ink, F32(spec.black), value)

@@ -61,12 +61,12 @@ def _over(image: Array, drawing: Drawing, scene: Scene, samples: int) -> Array:
     at, along_y, along_x = (np.nan_to_num(a, nan=-1e4).clip(-1e4, 2e4).astype(F32) for a in (at, along_y, along_x))
     ink = F32(spec.black) + F32(spec.white - spec.black) * drawing.image.astype(F32) / 255
     sheet = np.stack([ink, np.ones_like(ink)], axis=-1)
-    seen = np.zeros((*x.shape, 2), F32)
+    seen, none = np.zeros((*x.shape, 2), F32), np.zeros(0, F32)
     steps = (np.arange(samples, dtype=F32) + F32(0.5)) / samples - F32(0.5)
     for dy in steps:
         for dx in steps:
             place = at + along_x * dx + along_y * dy
-            seen += cv2.remap(sheet, place, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=(0, 0))
+            seen += cv2.remap(sheet, place, none, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=(0, 0))
     seen /= samples**2
     out = image.copy()
     out[part] = image[part] * (1 - seen[..., 1]) + seen[..., 0]
