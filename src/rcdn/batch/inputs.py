@@ -208,19 +208,22 @@ class _Run:
     # ---- all together
 
     def gathered(self) -> Gathered:
+        from rcdn.batch.same_names import distinct
+
         kept: list[tuple[int, ...]] = []
         for index, video in self._videos.items():
             kept.append(self._keep_views(index, video))
-        seen: dict[str, ImageResult] = {}
-        for index in range(len(self.paths)):
-            for image in self._images[index]:
-                seen.setdefault(os.path.abspath(image.path), image)  # a picture and its saved detections count once
+        images = distinct(
+            (None if index in self.shot else path, image)
+            for index, path in enumerate(self.paths)
+            for image in self._images[index]
+        )
         return Gathered(
-            tuple(seen.values()),
+            images.images,
             tuple(self.failures),
-            tuple(self._notes),
+            (*self._notes, *images.notes),
             tuple(kept),
-            self._saved_only(),
+            {**self._saved_only(), **images.folders},
             sum(len(video.examined) for video in self._videos.values()),
         )
 
