@@ -13,7 +13,16 @@ from rcdn.calibration import calibrate
 from rcdn.calibration.comparison import compare
 from rcdn.cli import app
 from rcdn.errors import RcdnError
-from rcdn.io import StereoCameras, read_calibrations, write_calibration, write_camera, write_stereo
+from rcdn.io import (
+    StereoCameras,
+    read_calibrations,
+    write_calibration,
+    write_camera,
+    write_rig,
+    write_rig_calibration,
+    write_stereo,
+)
+from rcdn.types import Pose, Rig, RigCalibration
 from rcdn_lab.camera_scenes import CAMERAS, SPACING, random_boards
 
 PINHOLE, BROWN = CAMERAS["pinhole"], CAMERAS["brown"]
@@ -88,6 +97,31 @@ def test_a_camera_of_a_pair_is_named(run):
     assert result.exit_code == 0
     assert "A: pair.json: pinhole" in result.stdout
     assert "B: pair.json: brown" in result.stdout
+
+
+def test_calibrations_of_a_rig_are_compared_by_camera_name(run, pair):
+    turned = np.eye(4)
+    turned[0, 3] = -0.2
+    poses = Pose(np.eye(4)), Pose(turned)
+    rig = Rig(("near", "far"), tuple(c.camera for c in pair), poses, np.zeros((12, 12)))
+    alone = {"near": pair[0], "far": pair[1], "alone": pair[1]}
+    write_rig_calibration("full.json", RigCalibration(rig, alone, {}, 0.1, (), (("near", "far"), ("alone",))))
+    members = read_calibrations("full.json")
+    assert {name: len(c.views) for name, c in members.items()} == {"near": 6, "far": 6, "alone": 6}
+    result = run("full.json", "full.json", "--camera-name", "near", "--camera-name", "far", "--where", "seen")
+    assert result.exit_code == 0, result.output
+    assert "that the corners of both calibrations cover" in result.stdout
+    assert "They agree within their uncertainty" in result.stdout
+    lone = run("full.json", "full.json", "--camera-name", "alone", "--camera-name", "far")
+    assert "6 views have the same corners in both" in lone.stdout
+
+
+def test_a_rig_without_its_views_is_compared_like_cameras(run, pair):
+    write_rig("rig.json", Rig(("near", "far"), tuple(c.camera for c in pair), (Pose(np.eye(4)), Pose(np.eye(4)))))
+    assert read_calibrations("rig.json") == {}
+    result = run("rig.json", "rig.json", "--camera-name", "near", "--camera-name", "far")
+    assert result.exit_code == 0, result.output
+    assert "over the frame:" in result.stdout
 
 
 def test_a_calibration_beside_itself_shares_its_views(run, files):

@@ -75,16 +75,18 @@ def read_stereo_calibration(path: str | Path) -> StereoCalibration:
 
 
 def read_calibrations(path: str | Path) -> dict[str, Calibration]:
-    """The calibrations in a file by name: `camera`, or `left` and `right` of a pair; none if `path` isn't a calibration
-    of rcdn, but a camera file of any format. Raises FormatError as `read_calibration`."""
+    """The calibrations in a file by name: `camera`, `left` and `right` of a pair, or those of a rig's cameras; none if
+    `path` isn't a calibration of rcdn, but a camera file of any format. Raises FormatError as `read_calibration`."""
+    from rcdn.io.rig_calibration import read_rig_members
+
     text = read_text(path)
-    kind = next((k for k in _KINDS.values() if f'"kind": "{k}"' in text[:200]), None)
-    if kind is None:
-        return {}
+    kind = next((k for k in (*_KINDS.values(), "rig") if f'"kind": "{k}"' in text[:200]), None)
     if kind == _KINDS[Calibration]:
         return {"camera": read_calibration(path)}
-    pair = read_stereo_calibration(path)
-    return {"left": pair.left, "right": pair.right}
+    if kind == _KINDS[StereoCalibration]:
+        pair = read_stereo_calibration(path)
+        return {"left": pair.left, "right": pair.right}
+    return {} if kind is None else read_rig_members(path)
 
 
 # ---- values → JSON

@@ -11,7 +11,7 @@ from rcdn.io.cameras import ours
 from rcdn.io.fields import located, names_of, nullable, numbers, rigid, take
 from rcdn.io.files import write_text
 from rcdn.io.rig_files import rig_of_record, rig_record
-from rcdn.types import Array, FixedBoard, MissingLink, RigCalibration, RigPair, TimeShift
+from rcdn.types import Array, Calibration, FixedBoard, MissingLink, RigCalibration, RigPair, TimeShift
 
 
 def write_rig_calibration(path: str | Path, found: RigCalibration) -> None:
@@ -55,10 +55,9 @@ def read_rig_calibration(path: str | Path) -> RigCalibration:
     if the file can't be read, is of another version or kind, or doesn't have the structure of docs/formats.md.
     """
     data, where = load_kind(path, "rig"), str(path)
-    records = [(f"{where}: cameras[{k}]", r) for k, r in enumerate(take(data, "cameras", list, where))]
-    if not any(isinstance(r, dict) and "views" in r for _, r in records):
+    cameras = _calibrations(data, where)
+    if not cameras:
         raise FormatError(f"{where}: holds a rig without its views; write it with `rcdn calibrate --rig --json`")
-    cameras = {take(r, "name", str, at): calibration_of(r, at) for at, r in records}
     shifts = {n: _shift(s, f"{where}: shifts[{n!r}]") for n, s in take(data, "shifts", dict, where).items()}
     with located(where):
         return RigCalibration(
@@ -76,6 +75,19 @@ def read_rig_calibration(path: str | Path) -> RigCalibration:
             corrected=names_of(data.get("corrected"), f"{where}: corrected"),
             fixed_boards=tuple(_fixed(r, at) for at, r in _records(data, "fixed_boards", where)),
         )
+
+
+def read_rig_members(path: str | Path) -> dict[str, Calibration]:
+    """The calibrations of a rig's cameras by name, also of those that nothing connects; none if the file holds the rig
+    without its views. Raises FormatError as `read_rig_calibration`."""
+    return _calibrations(load_kind(path, "rig"), str(path))
+
+
+def _calibrations(data: Any, where: str) -> dict[str, Calibration]:
+    records = [(f"{where}: cameras[{k}]", r) for k, r in enumerate(take(data, "cameras", list, where))]
+    if not any(isinstance(r, dict) and "views" in r for _, r in records):
+        return {}
+    return {take(r, "name", str, at): calibration_of(r, at) for at, r in records}
 
 
 def _records(data: Any, key: str, where: str) -> list[tuple[str, Any]]:
