@@ -11,12 +11,21 @@ from pathlib import Path
 from rcdn.errors import OutputError
 from rcdn.io import whole
 
-_OF_TELEPHONES = (".heic", ".heif", ".avif")
-PICTURE_ENDINGS = frozenset(
-    [".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".pgm", ".ppm", ".pbm", ".jp2", *_OF_TELEPHONES]
+
+def _endings(text: str) -> frozenset[str]:
+    return frozenset(f".{name}" for name in text.split())
+
+
+PICTURE_ENDINGS = _endings(
+    "png jpg jpeg jpe jfif jfi jif mpo bmp dib tif tiff webp pgm ppm pbm pnm pam ras sr jp2 jpx jpf j2k j2c jpc "
+    "heic heif hif avif"
 )
-UNREAD_ENDINGS = frozenset([".arw", ".cr2", ".cr3", ".dng", ".gif", ".nef", ".orf", ".raf", ".rw2"])
-"""endings of pictures that folders may hold and that aren't looked for: raw formats of cameras, and GIF"""
+_RAW = _endings(
+    "3fr arw cr2 cr3 crw dcr dng erf fff gpr iiq kdc mef mos mrw nef nrw orf pef raf raw rw2 rwl sr2 srf srw x3f"
+)
+UNREAD_ENDINGS = _RAW | _endings("exr gif jxl pcx psd tga")
+"""endings of pictures that folders may hold and that aren't looked for: raw formats of cameras, others that OpenCV
+doesn't read, and GIF"""
 VIDEO_ENDINGS = frozenset({".mp4", ".avi", ".mov", ".mkv", ".webm"})
 
 STDOUT = Path("-")
