@@ -14,6 +14,7 @@ from rcdn.calibration import calibrate
 from rcdn.calibration.bundle import Corners3, State, default_free, residuals
 from rcdn.calibration.calibrate import LENSES
 from rcdn.calibration.solver import solve
+from rcdn.calibration.usable import Usable, with_poses
 from rcdn.errors import CalibrationError, ConfigError
 from rcdn.geometry import project, rotation
 from rcdn.types import Camera
@@ -262,6 +263,36 @@ def test_wrong_arguments():
 def test_too_few_views(views, text):
     with pytest.raises(CalibrationError, match=text):
         calibrate(random_boards(BROWN, 0, 3)[0][:views], SPACING)
+
+
+@pytest.mark.parametrize(
+    ("mirrored", "text"),
+    [
+        (1, "there are 2 views; 1 more can't be used, since its labels run the wrong way round, as if pixels were "),
+        (2, "there is one view; 2 more can't be used, the first since its labels run the wrong way round, as "),
+        (
+            3,
+            "there is no view that can be used; the first of 3 can't, since its labels run the wrong way round, as if ",
+        ),
+    ],
+)
+def test_too_few_views_are_told_in_whole_sentences(mirrored, text):
+    boards = random_boards(BROWN, 0, 3)[0]
+    turned = [replace(b, xy=[b.image_size[0] - 1, 0] + b.xy * [-1, 1]) for b in boards[:mirrored]]
+    with pytest.raises(CalibrationError) as caught:
+        calibrate(turned + boards[mirrored:], SPACING)
+    assert str(caught.value).startswith(text)
+    assert "mirrored after the corners were found. A camera takes 3 at least" in str(caught.value)
+
+
+def test_views_without_a_pose_are_counted_with_those_that_cannot_be_used():
+    reasons = {1: "its corners lie in one line"}
+    task = Usable([0, 2, 3], [], reasons, None, np.zeros(0), np.zeros(0), 0)
+    T = np.stack([np.eye(4), np.full((4, 4), np.nan), np.eye(4)])
+    with pytest.raises(CalibrationError, match="2 views; 2 more can't be used, the first since its corners lie"):
+        with_poses(task, T)
+    with pytest.raises(CalibrationError, match="2 views; 1 more can't be used, since no pose fits its corners"):
+        with_poses(replace(task, reasons={}), T)
 
 
 @pytest.mark.parametrize(("nearer", "model"), [(0.0, "brown"), (0.15, "pinhole")])

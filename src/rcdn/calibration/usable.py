@@ -80,7 +80,7 @@ def _unusable(board: Board, label: Labelled, image_size: tuple[int, int]) -> str
     if in_line(board.ij, board.xy):
         return "its corners lie in one line"
     return (
-        "its labels run the wrong way round: were pixels mirrored after the corners were found?"
+        "its labels run the wrong way round, as if pixels were mirrored after the corners were found"
         if board.target is None and mirrored(board)  # a board with codes may be seen from behind
         else ""
     )
@@ -132,13 +132,23 @@ def _basis(labels: list[Labelled], whole: Geometry) -> Real[Array, "n b"]:
 
 
 def too_few(views: int, reasons: dict[int, str]) -> str:
+    """The message that there are only so many `views`, with the first of the `reasons` by index why others can't be
+    used."""
     got = "one view" if views == 1 else f"{views} views" if views else "no view that can be used"
-    why = f"; {len(reasons)} more can't be used: {next(iter(reasons.values()))}" if reasons else ""
     verb = "are" if views > 1 else "is"
     return (
-        f"there {verb} {got}{why}. A camera takes {FEWEST_VIEWS} at least, and to be trusted 10 to 30 pictures of the "
-        "board in different places and tilts"
+        f"there {verb} {got}{_why_not_more(views, list(reasons.values()))}. A camera takes {FEWEST_VIEWS} at least, "
+        "and to be trusted 10 to 30 pictures of the board in different places and tilts"
     )
+
+
+def _why_not_more(views: int, reasons: Sequence[str]) -> str:
+    if not reasons:
+        return ""
+    one = len(reasons) == 1
+    if not views:
+        return f"; {'the only one' if one else f'the first of {len(reasons)}'} can't, since {reasons[0]}"
+    return f"; {len(reasons)} more can't be used, {'since' if one else 'the first since'} {reasons[0]}"
 
 
 def sigma_of(board: Board) -> Real[Array, " m"]:
@@ -181,13 +191,13 @@ def with_poses(task: Usable, T: Array, fewest: int = FEWEST_VIEWS) -> tuple[Usab
     good = np.asarray(np.isfinite(T).all(axis=(1, 2)))
     if good.all():
         return task, T
+    reasons = task.reasons | {k: "no pose fits its corners" for k, g in zip(task.index, good, strict=True) if not g}
     if good.sum() < fewest:
-        raise CalibrationError(too_few(int(good.sum()), {k: "no pose fits its corners" for k in task.index}))
+        raise CalibrationError(too_few(int(good.sum()), reasons))
     keep = good[task.corners.frame]
     number = np.cumsum(good) - 1
     corners = task.corners.take(keep)
     corners = replace(corners, frame=number[corners.frame])
-    reasons = task.reasons | {k: "no pose fits its corners" for k, g in zip(task.index, good, strict=True) if not g}
     index = [k for k, g in zip(task.index, good, strict=True) if g]
     seen = [s for s, g in zip(task.seen, good, strict=True) if g]
     return Usable(index, seen, reasons, corners, task.sigma[keep], task.picture[keep], task.settled), T[good]
