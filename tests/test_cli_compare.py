@@ -88,6 +88,20 @@ def test_camera_files_are_compared_without_a_judgement(run):
     assert "Give two calibrations" in Text(Path("c.html").read_text()).text
 
 
+def test_the_largest_is_told_to_be_that_of_the_points_which_the_corners_are_not(run):
+    write_camera("a.yaml", PINHOLE)
+    write_camera("b.yaml", replace(PINHOLE, K=PINHOLE.K * [[1.01, 1, 1], [1, 1.01, 1], [1, 1, 1]]))
+    result = run("a.yaml", "b.yaml", "--json", "c.json", "--report", "c.html")
+    record = json.loads(Path("c.json").read_text())
+    assert np.linalg.norm(record["corners"], axis=2).max() > record["largest"]
+    assert "Where B sees what A sees, at 2,700 points over the frame:" in result.stdout
+    assert len(record["points"]) == sum(record["inside"]) == 2700
+    assert "\n  largest of these " in result.stdout
+    page = Text(Path("c.html").read_text()).text
+    assert "The difference at 2,700 points over the frame, and elsewhere in the frame" in page
+    assert "largest of these" in page
+
+
 def test_a_camera_of_a_pair_is_named(run):
     write_stereo("pair.json", StereoCameras(PINHOLE, BROWN, np.eye(4)))
     refused = run("pair.json", "pair.json")

@@ -113,14 +113,14 @@ def _read(path: Path, name: str | None) -> Camera | Calibration:
 
 def lines(found: Comparison, first: str, second: str) -> list[str]:
     """The printed lines: the two cameras, the figures, and whether the cameras agree."""
-    from rcdn.report.calibration.comparison import area_of, figures, judgement
+    from rcdn.report.calibration.comparison import figures, judgement, points_of
     from rcdn.terminal.group import one_line
 
     out = []
     for letter, name, camera in zip("AB", (first, second), found.cameras, strict=True):
         width, height = camera.image_size
         out.append(f"{letter}: {one_line(name)}: {camera.model}, {width}×{height} px")
-    out.append(f"Where B sees what A sees, over {area_of(found)}:")
+    out.append(f"Where B sees what A sees, at {points_of(found)}:")
     rows = figures(found)
     wide = max(len(name) for name, _ in rows)
     out += [f"  {name:<{wide}}  {value}" for name, value in rows]

@@ -26,13 +26,14 @@ EVERY = 5
 @dataclass(frozen=True)
 class Compared:
     """The figures of the page: names, models and image size of A and B; statistics of the difference over the `area`,
-    px, the fraction of the frame that it is (`share`), and the rotation, degrees (`angle`); the `level` of the result,
-    if there is one, and the `sentences` about it, its title first."""
+    px, at `points`; the fraction of the frame that it is (`share`), and the rotation, degrees (`angle`); the `level` of
+    the result, if there is one, and the `sentences` about it, its title first."""
 
     names: tuple[str, str]
     models: tuple[str, str]
     size: tuple[int, int]
     area: str
+    points: str
     rms: float
     median: float
     largest: float
@@ -62,6 +63,7 @@ def write_comparison_report(
             models=(found.cameras[0].model, found.cameras[1].model),
             size=found.cameras[0].image_size,
             area=area_of(found),
+            points=points_of(found),
             **statistics(found),
             level="" if stated is None else "good" if stated.agree else "fair",
             sentences=_sentences(found),
@@ -96,8 +98,14 @@ def area_of(found: Comparison) -> str:
     return f"the {share} of the frame that the corners of {whose} cover"
 
 
+def points_of(found: Comparison) -> str:
+    """The points that the statistics are of, in words: middles of cells, so that the frame's corners are none of
+    them."""
+    return f"{counted(int(found.inside.sum()), 'point')} over {area_of(found)}"
+
+
 def figures(found: Comparison) -> list[tuple[str, str]]:
-    """(name, value) of each figure, those over the area first."""
+    """(name, value) of each figure, the statistics of the area's points first."""
     values = statistics(found)
     area = found.over_area
     x, y = area.points[int(np.argmax(area.lengths))]
@@ -106,7 +114,7 @@ def figures(found: Comparison) -> list[tuple[str, str]]:
     return [
         ("RMS", pixels(values["rms"])),
         ("median", pixels(values["median"])),
-        ("largest", f"{pixels(values['largest'])} at ({x:.0f}, {y:.0f})"),
+        ("largest of these", f"{pixels(values['largest'])} at ({x:.0f}, {y:.0f})"),
         ("in the middle of the frame", pixels(float(np.linalg.norm(found.middle)))),
         ("in its upper corners", f"{pixels(a)} left, {pixels(b)} right"),
         ("in its lower corners", f"{pixels(c)} left, {pixels(d)} right"),
