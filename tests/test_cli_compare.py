@@ -172,6 +172,13 @@ def test_a_calibration_without_a_covariance_is_compared_like_a_camera(pair):
     assert found.over_area.rms > 0
 
 
+def test_calibrations_of_given_lenses_are_compared_without_a_judgement(pair):
+    one, other = (replace(c, cov=np.zeros_like(c.cov)) for c in pair)
+    assert compare(one, other).agreement is None
+    assert compare(one, other).over_area.rms > 0
+    assert compare(one, pair[1]).agreement is not None
+
+
 def test_too_small_an_area_is_refused(pair):
     few = replace(pair[0].views[0], used=np.arange(len(pair[0].views[0])) < 3)
     with pytest.raises(RcdnError, match="points in common"):

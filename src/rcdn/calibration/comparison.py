@@ -34,8 +34,8 @@ class Comparison:
     `where`: `seen`, inside the convex hulls of the used corners of every calibration, or `frame`, wherever both cameras
     have rays. `outlines`: those hulls, (K, 2) px each. `ends` (2, 2, 2) the difference vectors in the frame's corners
     (rows, columns) and `middle` (2,) at its centre, px, NaN without a ray. `agreement`: the difference relative to both
-    covariances, if both are calibrations with covariances; `shared`: number of views with the same corners used by
-    both, which makes their difference smaller than the covariances predict.
+    covariances, if both are calibrations with covariances and not both lenses were given; `shared`: number of views
+    with the same corners used by both, which makes their difference smaller than the covariances predict.
     """
 
     cameras: tuple[Camera, Camera]
@@ -85,9 +85,7 @@ def compare(a: Camera | Calibration, b: Camera | Calibration, where: Where | Non
         )
     found = camera_difference(one, other, points, points[inside])
     inside = inside & np.isfinite(found.vectors).all(axis=1)
-    stated = None
-    if isinstance(a, Calibration) and isinstance(b, Calibration) and np.isfinite([a.cov.sum(), b.cov.sum()]).all():
-        stated = agreement(a, b, found, inside)
+    stated = _agreement(a, b, found, inside)
     width, height = one.image_size
     x, y = np.meshgrid([0.0, width - 1], [0.0, height - 1])
     spots = np.stack([*np.stack([x, y], axis=-1).reshape(4, 2), [(width - 1) / 2, (height - 1) / 2]])
@@ -95,6 +93,18 @@ def compare(a: Camera | Calibration, b: Camera | Calibration, where: Where | Non
     return Comparison(
         (one, other), found, place, inside, outlines, there[:4].reshape(2, 2, 2), there[4], stated, _shared(a, b)
     )
+
+
+def _agreement(a: Camera | Calibration, b: Camera | Calibration, found: Difference, inside: Array) -> Agreement | None:
+    """The difference relative to both covariances; None where they state none, as of two lenses that were given."""
+    if not (
+        isinstance(a, Calibration) and isinstance(b, Calibration) and np.isfinite([a.cov.sum(), b.cov.sum()]).all()
+    ):
+        return None
+    try:
+        return agreement(a, b, found, inside)
+    except np.linalg.LinAlgError:  # the sum of both is singular
+        return None
 
 
 def _hull(calibration: Calibration) -> Real[Array, "k 2"]:
