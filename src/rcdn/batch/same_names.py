@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from rcdn.types import Array
 
 NEAR = 1.0
-"""the largest distance between places of one corner in two detections of one picture, px"""
+"""the bound of the distance between places of one corner in two detections of one picture, px"""
 SHARED = 0.5
 """the least share of corners that two detections of one picture have in common"""
 SHOWN = 3
@@ -67,10 +67,10 @@ def _corners(image: ImageResult, boards: bool) -> Array:
 
 
 def _near(few: Array, most: Array) -> int:
-    """How many of `most` lie within NEAR of one of `few`."""
-    from scipy.spatial import cKDTree
+    """How many of `most` lie less than NEAR from one of `few`."""
+    from rcdn.geometry.near import nearest
 
-    return int((cKDTree(few).query(most, distance_upper_bound=NEAR)[0] <= NEAR).sum()) if len(few) else 0
+    return int((nearest(few, most)[0] < NEAR).sum())
 
 
 @dataclass(frozen=True)
