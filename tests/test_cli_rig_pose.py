@@ -126,3 +126,20 @@ def test_of_videos_all_cameras_are_asked_at_each_moment(tmp_path, monkeypatch):
     for record in json.loads(Path("poses.json").read_text())["rig_poses"]:
         T = poses[int(record["moment"].lstrip("#"))]
         assert np.array(record["T_rig_board"])[:3, 3] == pytest.approx(T[:3, 3], abs=0.004)
+
+
+def test_a_moment_that_shows_a_part_says_so(made):
+    for name in ("c0", "c1"):
+        record = json.loads(Path(f"{name}.json").read_text())
+        (found,) = record["images"][0]["boards"]
+        kept = [k for k, (i, j) in enumerate(found["ij"]) if i < 6 or (i == 6 and j < 4)]
+        for key in ("ij", "xy", "response", "status", "sigma"):
+            found[key] = [found[key][k] for k in kept]
+        found.update(size=[7, 6], complete=False)
+        Path(f"{name}.json").write_text(json.dumps(record))
+    result = run("c0.json", "c1.json", "--rig", "rig.json", "--json", "poses.json")
+    assert result.exit_code == 0, result.output
+    ends = [line.partition("by c0, c1")[2].strip() for line in result.stdout.splitlines()]
+    assert ends == ["part of a board, 7×6 (40 of 54 corners)", "", "", ""]
+    complete = [record["complete"] for record in json.loads(Path("poses.json").read_text())["rig_poses"]]
+    assert complete == [False, True, True, True]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json as json_module
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +15,7 @@ from rcdn.terminal.group import FAILED, print_error
 from rcdn.terminal.spacing import Length, Lengths, metres
 
 if TYPE_CHECKING:
-    from rcdn.batch.inputs import Gathered
+    from rcdn.batch.pose_boards import PoseBoards
 
 Solve = Callable[[], tuple[str, dict[str, Any]]]
 """the line and the record of one pose; raises RcdnError if there is none"""
@@ -26,16 +26,14 @@ def tell_poses(
     key: str,
     length: Length | Lengths,
     json: Path | None,
-    read: Sequence[Gathered],
-    size: tuple[int, int] | None = None,
+    boards: PoseBoards,
 ) -> None:
     """Print the lines of the `poses`, each solved at its turn and named by its picture or moment, and write their
-    records as the list `key` of `json`. Raises typer.Exit if one failed, now or when the inputs were `read`, or if
-    there is none. `size`: columns and rows of the boards that were asked for."""
-    from rcdn.batch.summary import size_hint_of
+    records as the list `key` of `json`. Raises typer.Exit if one failed, now or when the inputs of the `boards`
+    were read, or if there is none."""
     from rcdn.io import write_text
 
-    records, tried, failed = [], 0, any(got.failures for got in read)
+    records, tried, failed = [], 0, any(got.failures for got in boards.read)
     for name, solve in poses:
         tried += 1
         try:
@@ -46,9 +44,8 @@ def tell_poses(
             continue
         console.print_line(line)
         records.append(record)
-    if not tried and (images := [image for got in read for image in got.images]):
-        nothing = "no board was found in the pictures; see what `rcdn detect PICTURES --overlay DIR` draws"
-        print_error(f"no pose: {size_hint_of(images, size) or nothing}")
+    if not tried and boards.images:
+        print_error(f"no pose: {boards.nothing()}")
     if json is not None:
         lines = ",\n".join(json_module.dumps(r) for r in records)
         write_text(json, f'{{"version": 1, "spacing": {json_module.dumps(metres(length))}, "{key}": [\n{lines}\n]}}\n')

@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Any
 from rcdn.batch.detection_settings import DetectionSettings
 from rcdn.batch.moments import cameras_in, chosen_by_any, moments_of
 from rcdn.batch.no_board import note_target
+from rcdn.batch.pose_boards import PoseBoards
 from rcdn.batch.pose_outputs import tell_poses
 from rcdn.errors import ConfigError
 from rcdn.terminal import console
 from rcdn.terminal.group import one_line
-from rcdn.terminal.spacing import Length, Lengths, check_spacing, side, sizes_of
+from rcdn.terminal.spacing import Length, Lengths, side
 
 if TYPE_CHECKING:
     from rcdn.batch.inputs import Gathered, Numbers
@@ -42,14 +43,16 @@ def rig_poses(
     found = {
         name: gather(cameras[name], chosen) if chosen and got.frames != chosen else got for name, got in found.items()
     }
-    check_spacing(length, sizes_of([b for got in found.values() for i in got.images for b in i.boards], settings.size))
+    taken = PoseBoards([*found.values()], settings.size, length)
+    taken.check()
 
     def solved(moment: str, boards: Mapping[str, Board]) -> tuple[str, dict[str, Any]]:
         done = estimate_rig_pose(boards, rig, side(length, kind_of(next(iter(boards.values())))))
-        return _line(moment, done), _record(moment, done)
+        largest = max(boards.values(), key=len)  # whose labels count
+        return _line(moment, done) + taken.line_end(largest), _record(moment, taken.complete(largest), done)
 
-    wanted = ((moment, partial(solved, moment, boards)) for moment, boards in _moments(found, settings.size).items())
-    tell_poses(wanted, "rig_poses", length, json, [*found.values()], settings.size)
+    wanted = ((moment, partial(solved, moment, boards)) for moment, boards in _moments(found, taken).items())
+    tell_poses(wanted, "rig_poses", length, json, taken)
 
 
 def _gathered(settings: DetectionSettings, inputs: Sequence[str], numbers: Numbers | None = None) -> Gathered:
@@ -73,9 +76,9 @@ def _named(rig: Rig, cameras: Mapping[str, list[str]], path: Path) -> dict[str, 
     )
 
 
-def _moments(found: Mapping[str, Gathered], size: tuple[int, int] | None) -> dict[str, dict[str, Board]]:
-    """By moment and camera the largest board of the picture, of the given `size` if any; moments without a board are
-    left out."""
+def _moments(found: Mapping[str, Gathered], taken: PoseBoards) -> dict[str, dict[str, Board]]:
+    """By moment and camera the largest of the picture's boards that are `taken`; moments without a board are left
+    out."""
     from rcdn.io.finding import natural
 
     keys, way = moments_of([[image.path for image in got.images] for got in found.values()])
@@ -84,7 +87,7 @@ def _moments(found: Mapping[str, Gathered], size: tuple[int, int] | None) -> dic
     out: dict[str, dict[str, Board]] = {}
     for (name, got), each in zip(found.items(), keys, strict=True):
         for moment, image in zip(each, got.images, strict=True):
-            boards = [b for b in image.boards if size is None or (b.complete and sorted(b.size) == sorted(size))]
+            boards = [board for _, board in taken.of(image)]
             if boards:
                 out.setdefault(moment, {})[name] = max(boards, key=lambda b: (b.target is not None, len(b)))
     return dict(sorted(out.items(), key=lambda item: natural(item[0])))
@@ -98,12 +101,13 @@ def _line(moment: str, pose: RigPoseEstimate) -> str:
     return f"{one_line(moment)}  {position(T, pose.cov)}  rms {pose.rms:.3f} px  by {', '.join(pose.residuals)}{out}"
 
 
-def _record(moment: str, pose: RigPoseEstimate) -> dict[str, Any]:
+def _record(moment: str, complete: bool, pose: RigPoseEstimate) -> dict[str, Any]:
     target = {} if pose.T_rig_target is None else {"T_rig_target": pose.T_rig_target.tolist()}
     return {
         "moment": moment,
         "cameras": list(pose.residuals),
         "left_out": dict(pose.left_out),
+        "complete": complete,
         "T_rig_board": pose.T_rig_board.tolist(),
         **target,
         "cov": pose.cov.tolist(),

@@ -14,6 +14,7 @@ from rcdn.terminal.group import one_line
 
 if TYPE_CHECKING:
     from rcdn.io import ImageResult
+    from rcdn.types import Board
 
 Size = tuple[int, int]
 LIST_UP_TO = 20
@@ -51,8 +52,13 @@ def brief(result: ImageResult, lines: bool = False) -> Brief:
     """The `Brief` of a `result`; `lines`: with its line for the file of detections."""
     from rcdn.io import image_line
 
-    boards = tuple(BriefBoard(b.size, b.complete, len(b), b.pattern, str(b.target or "")) for b in result.boards)
+    boards = tuple(map(brief_board, result.boards))
     return Brief(result.path, len(result.corners), boards, image_line(result) if lines else "", result.warnings)
+
+
+def brief_board(board: Board) -> BriefBoard:
+    """The `BriefBoard` of a `board`."""
+    return BriefBoard(board.size, board.complete, len(board), board.pattern, str(board.target or ""))
 
 
 def size_text(size: Size) -> str:

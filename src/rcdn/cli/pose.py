@@ -16,10 +16,11 @@ from rcdn.errors import ConfigError, present
 from rcdn.terminal import console
 from rcdn.terminal.console import Quiet
 from rcdn.terminal.options import CacheFolder, GridSize, Jobs, MaxMegapixels, NoCache, Pattern, PatternName, parse_size
-from rcdn.terminal.spacing import SpacingOrFile, check_spacing, side, sizes_of
+from rcdn.terminal.spacing import SpacingOrFile, check_spacing, side
 from rcdn.terminal.target import DEFAULT, Target
 
 if TYPE_CHECKING:
+    from rcdn.io import ImageResult
     from rcdn.types import Board
 
 
@@ -70,9 +71,10 @@ def pose(
     """Find where boards stand: a line for each, its corner (0, 0) in metres from the camera (x right, y down, z
     forward).
 
-    Where a picture allows two poses, it says so. The JSON has T_cam_board and the covariance of a small motion after it
-    (rotation vector, rad, in camera axes; then metres). A board whose codes were read is placed by the origin of its
-    target's own tools, and has T_cam_target, too.
+    Where a picture allows two poses, it says so; of a plain board seen in part, that it is one: its corner (0, 0) is
+    then the part's own. The JSON has T_cam_board and the covariance of a small motion after it (rotation vector, rad,
+    in camera axes; then metres). A board whose codes were read is placed by the origin of its target's own tools, and
+    has T_cam_target, too.
 
     With --rig there is a line for each moment: the board's place in the rig's frame by all cameras that see it, and who
     they are.
@@ -82,6 +84,7 @@ def pose(
     from rcdn.batch.camera_files import chosen_camera
     from rcdn.batch.detection_settings import DetectionSettings
     from rcdn.batch.no_board import note_target
+    from rcdn.batch.pose_boards import PoseBoards
     from rcdn.calibration import estimate_pose
     from rcdn.calibration.coded import kind_of
     from rcdn.terminal import camera_text
@@ -108,22 +111,19 @@ def pose(
     for note in got.notes:
         console.note(note)
     note_target(config.target, got)
-    check_spacing(length, sizes_of([found for image in got.images for found in image.boards], board))
+    boards = PoseBoards([got], board, length)
+    boards.check()
 
-    def solved(path: str, number: int, found: Board) -> tuple[str, dict[str, Any]]:
+    def solved(image: ImageResult, number: int, found: Board) -> tuple[str, dict[str, Any]]:
         done = estimate_pose(found, lens, side(length, kind_of(found)))
-        return camera_text.pose_line(path, done), _record(path, number, found, done)
+        line = camera_text.pose_line(image.path, done) + boards.line_end(found)
+        return line, _record(image.path, number, found, boards.complete(found), done)
 
-    wanted = (
-        (image.path, partial(solved, image.path, k, found))
-        for image in got.images
-        for k, found in enumerate(image.boards)
-        if board is None or (found.complete and sorted(found.size) == sorted(board))
-    )
-    tell_poses(wanted, "poses", length, json, [got], board)
+    wanted = ((image.path, partial(solved, image, k, found)) for image in got.images for k, found in boards.of(image))
+    tell_poses(wanted, "poses", length, json, boards)
 
 
-def _record(path: str, number: int, board: Any, pose: Any) -> dict[str, Any]:
+def _record(path: str, number: int, board: Any, complete: bool, pose: Any) -> dict[str, Any]:
     from rcdn.types.target import target_record
 
     other = None if pose.other is None else pose.other.T_cam_board.tolist()
@@ -131,6 +131,7 @@ def _record(path: str, number: int, board: Any, pose: Any) -> dict[str, Any]:
         "path": path,
         "board": number,
         "size": list(board.size),
+        "complete": complete,
         "orientation": board.orientation,
         **(
             {}
