@@ -1,4 +1,4 @@
-"""`rcdn pose`: boards seen in part."""
+"""`rcdn pose`: boards seen in part, boards of other targets than the told one."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from rcdn_lab.camera_scenes import CAMERAS, SPACING, board, detected, labels, ra
 PINHOLE = CAMERAS["pinhole"]
 SEEN = "part of a board"
 CHARUCO = Charuco(10, 7, "DICT_4X4_100", 0.75)
+TARGET = "charuco:10x7:DICT_4X4_100:0.75"
 
 
 def save(path, *pictures):
@@ -138,3 +139,30 @@ def test_codes_say_where_a_part_is(scene):
     assert SEEN not in result.output
     (record,) = poses()
     assert np.array(record["T_cam_board"])[:3, 3] == pytest.approx(T[:3, 3], abs=0.001)
+
+
+# ---- a told target
+
+
+def test_boards_of_other_targets_than_the_told_one_have_no_pose(scene):
+    boards, _, pose = scene
+    other = coded(boards[2], replace(CHARUCO, dictionary="DICT_5X5_100"))
+    result = pose(save("found.json", [coded(boards[0], CHARUCO)], [boards[1]], [other]), "--target", TARGET)
+    assert result.exit_code == 0, result.output
+    assert [record["path"] for record in poses()] == ["0.png"]
+    assert f"left out: 1.png: its codes were not read, or it has none; {CHARUCO} was asked for" in result.stderr
+    assert "left out: 2.png: it shows another target: ChArUco 10x7 DICT_5X5_100" in result.stderr
+    result = pose(save("found.json", [boards[1]], [boards[2]]), "--target", TARGET)
+    assert (result.exit_code, result.stdout, poses()) == (1, "", [])
+    assert f"no pose: none of 2 boards in the pictures is known to be of the target {CHARUCO}" in result.stderr
+    result = pose(save("found.json", [boards[1]]), "--target", "plain")
+    assert (result.exit_code, len(poses())) == (0, 1)
+
+
+def test_a_board_whose_own_length_is_named_has_a_pose_beside_a_told_target(scene):
+    boards, truth, pose = scene
+    found = save("found.json", [coded(boards[0], CHARUCO)], [boards[1]])
+    result = pose(found, "--target", TARGET, spacing="charuco=30mm,checker=60mm")
+    assert result.exit_code == 0, result.output
+    for record, T, times in zip(poses(), truth, (1, 2), strict=False):
+        assert np.array(record["T_cam_board"])[:3, 3] == pytest.approx(times * T[:3, 3], abs=0.002)

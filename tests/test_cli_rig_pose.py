@@ -143,3 +143,6 @@ def test_a_moment_that_shows_a_part_says_so(made):
     assert ends == ["part of a board, 7×6 (40 of 54 corners)", "", "", ""]
     complete = [record["complete"] for record in json.loads(Path("poses.json").read_text())["rig_poses"]]
     assert complete == [False, True, True, True]
+    result = run("c0.json", "c1.json", "--rig", "rig.json", "--target", "aprilgrid:6x6")
+    assert (result.exit_code, result.stdout) == (1, "")
+    assert "no pose: none of 8 boards" in result.stderr

@@ -52,7 +52,7 @@ def target_hint(wanted: str | Target, found: Iterable[str]) -> str | None:
     kind = str(wanted)
     if isinstance(wanted, str) or not texts:
         return None
-    if same := [text for text in texts if _may_be(text, kind)]:
+    if same := [text for text in texts if may_be(text, kind)]:
         other = [text for text in same if _legacy(text) != _legacy(kind) and "?" not in text]
         return OTHER_LAYOUT.format(len(other), many(len(texts), "board"), other[0], kind) if other else None
     others = ", ".join(sorted({text for text in texts if text}))
@@ -64,7 +64,7 @@ def _legacy(text: str) -> bool:
     return "legacy" in text.split()
 
 
-def _may_be(text: str, kind: str) -> bool:
+def may_be(text: str, kind: str) -> bool:
     """Whether a board read as `text` may be of the target `kind`: a part of a board has unknown sides, `8x?`. Which
     layout a ChArUco board has doesn't count."""
     words = zip(*([word for word in t.split() if word != "legacy"] for t in (text, kind)), strict=False)

@@ -1,5 +1,5 @@
-"""The boards that `rcdn pose` places: all, or those of the size that was asked for; and which of them are seen in
-part."""
+"""The boards that `rcdn pose` places: all, or those of the size or the target that was asked for; and which of them are
+seen in part."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+from rcdn.batch.no_board import may_be
 from rcdn.batch.summary import board_text, brief_board, same, size_hint_of, size_text
 from rcdn.errors import many
 from rcdn.terminal import console
@@ -16,7 +17,7 @@ from rcdn.terminal.spacing import Length, Lengths, check_spacing, sizes_of
 if TYPE_CHECKING:
     from rcdn.batch.inputs import Gathered
     from rcdn.io import ImageResult
-    from rcdn.types import Board
+    from rcdn.types import Board, Target
 
 NAMED = 3
 """largest number of pictures that a message names"""
@@ -24,12 +25,18 @@ NAMED = 3
 
 class PoseBoards:
     """The boards in what was `read`, of which those are placed that have the `size` (columns, rows), whole, if one is
-    given; `length`: that of their squares or tags."""
+    given, and are of the `target`, if one alone is read: the `length` is that of its squares or tags."""
 
-    def __init__(self, read: Sequence[Gathered], size: tuple[int, int] | None, length: Length | Lengths) -> None:
+    def __init__(
+        self,
+        read: Sequence[Gathered],
+        size: tuple[int, int] | None,
+        target: str | Target,
+        length: Length | Lengths,
+    ) -> None:
         self.read = read
         self.images = [image for got in read for image in got.images]
-        self._size, self._length = size, length
+        self._size, self._target, self._length = size, target, length
 
     def check(self) -> None:
         """Print what is left out, and which poses are those of parts. Raises ConfigError if the length makes a board of
@@ -90,8 +97,10 @@ class PoseBoards:
         if hint := size_hint_of(self.images, self._size):
             return hint
         found = [(image.path, board) for image in self.images for board in image.boards]
-        if not found or self._size is None:
+        if not found:
             return "no board was found in the pictures; see what `rcdn detect PICTURES --overlay DIR` draws"
+        if self._size is None or not any(self._of_target(board) for _, board in found):
+            return f"none of {many(len(found), 'board')} in the pictures is known to be of the target {self._target}"
         some = [f"{board_text(brief_board(b), self._size)} in {one_line(path)}" for path, b in found[:NAMED]]
         return (
             f"no whole {size_text(self._size)} board was found: {', '.join(some)}{', …' if found[NAMED:] else ''}; of "
@@ -110,9 +119,25 @@ class PoseBoards:
 
     def _reason(self, board: Board) -> str:
         """Why a board isn't placed; "" if it is."""
+        from rcdn.calibration.coded import UNREAD
+
+        if not self._of_target(board):
+            if board.target is None:
+                return f"{UNREAD}, or it has none; {self._target} was asked for"
+            return f"it shows another target: {board.target}"
         if self._size is not None and not (board.complete and same(board.size, self._size)):
             return f"not a whole {size_text(self._size)} board"
         return ""
+
+    def _of_target(self, board: Board) -> bool:
+        """Whether the board is of the target, or has a length of its own."""
+        from rcdn.calibration.coded import kind_of
+
+        if isinstance(self._target, str):
+            return True
+        if isinstance(self._length, Lengths) and kind_of(board) != self._target.kind:
+            return True
+        return board.target is not None and may_be(str(board.target), str(self._target))
 
     def _smaller(self, board: Board) -> bool:
         whole = self.whole

@@ -43,7 +43,7 @@ def rig_poses(
     found = {
         name: gather(cameras[name], chosen) if chosen and got.frames != chosen else got for name, got in found.items()
     }
-    taken = PoseBoards([*found.values()], settings.size, length)
+    taken = PoseBoards([*found.values()], settings.size, settings.config.target, length)
     taken.check()
 
     def solved(moment: str, boards: Mapping[str, Board]) -> tuple[str, dict[str, Any]]:

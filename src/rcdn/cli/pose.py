@@ -111,7 +111,7 @@ def pose(
     for note in got.notes:
         console.note(note)
     note_target(config.target, got)
-    boards = PoseBoards([got], board, length)
+    boards = PoseBoards([got], board, config.target, length)
     boards.check()
 
     def solved(image: ImageResult, number: int, found: Board) -> tuple[str, dict[str, Any]]:
