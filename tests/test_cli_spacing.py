@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +14,9 @@ from tests.saved_boards import save
 from rcdn.calibration.calibrate import FIXABLE, check_fix
 from rcdn.errors import ConfigError
 from rcdn.geometry import rotation
-from rcdn.io import read_camera
-from rcdn.terminal.spacing import check_length, parse_length
+from rcdn.io import read_camera, write_camera
+from rcdn.terminal.spacing import check_length, check_spacing, parse_length, sizes_of
+from rcdn.types import AprilGrid
 from rcdn_lab.camera_scenes import CAMERAS, SIZE, board, random_boards, see
 
 PINHOLE = CAMERAS["pinhole"]
@@ -164,3 +166,46 @@ def test_what_can_be_held_fixed(run, found):
     result = run("calibrate", found, found, "--spacing", "30mm", "--stereo", "--fix-aspect")
     assert result.exit_code == 2
     assert "for one camera" in result.stderr
+
+
+# ---- lengths of a target's file
+
+KALIBR = "target_type: 'checkerboard'\ntargetCols: 9\ntargetRows: 6\nrowSpacingMeters: {0}\ncolSpacingMeters: {0}\n"
+TAGS = "target_type: 'aprilgrid'\ntagCols: 6\ntagRows: 6\ntagSize: {0}\ntagSpacing: 0.3\n"
+OURS = "kind: checkerboard\ncolumns: 9\nrows: 6\nspacing: {0}\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "field"),
+    [(KALIBR, "rowSpacingMeters"), (TAGS, "tagSize"), (OURS, "spacing")],
+    ids=["plain", "tags", "ours"],
+)
+def test_a_file_that_makes_a_board_of_metres_is_asked_back(run, found, text, field):
+    write_camera("camera.yaml", PINHOLE)
+    Path("t.yaml").write_text(text.format(25))
+    for words in (
+        ("calibrate", found),
+        ("pose", found, "--camera", "camera.yaml"),
+        ("live", "folder"),
+        ("board", "-o", "board.svg"),
+    ):
+        result = run(*words, "--target", "t.yaml")
+        assert result.exit_code == 2, words
+        assert f"t.yaml: {field} 25 means metres and makes a" in result.stderr
+        assert "did you mean 0.025 (25mm)? If it is so large, add --spacing 25m" in result.stderr
+    assert not Path("folder").exists()
+    plain = text is not TAGS
+    if plain:
+        result = run("pose", found, "--camera", "camera.yaml", "--target", "t.yaml", "--spacing", "25m")
+        assert result.exit_code == 0, result.output
+        Path("t.yaml").write_text(text.format(0.03))
+        assert run("pose", found, "--camera", "camera.yaml", "--target", "t.yaml").exit_code == 0
+
+
+def test_the_size_of_an_aprilgrid_counts_in_tags():
+    target = AprilGrid(6, 6, "tag36h11", 0.3)
+    ij = np.stack(np.meshgrid(np.arange(12), np.arange(12)), axis=-1).reshape(-1, 2)
+    grid = replace(board(ij, 20.0 * ij + 9, (640, 480)), pattern="aprilgrid", target=target, ids=target.ids(ij))
+    check_spacing(parse_length("0.2"), sizes_of([grid]))  # 1.5 m
+    with pytest.raises(ConfigError, match=r"6×6 board 2\.1 m across"):
+        check_spacing(parse_length("0.3"), sizes_of([grid]))

@@ -11,7 +11,7 @@ import typer
 
 from rcdn.errors import ConfigError
 from rcdn.terminal.options import GridSize, parse_size
-from rcdn.terminal.spacing import Length, check_length, parse_length
+from rcdn.terminal.spacing import Length, check_length, length_of_file, parse_length
 
 if TYPE_CHECKING:
     from rcdn.types import Print
@@ -182,7 +182,7 @@ def _read(which: str, spacing: Length | None) -> tuple[Print, Length | None]:
     if isinstance(parsed, PuzzleBoard):
         raise ConfigError(f"--target {which}: which part of the code? Write {FORMS['puzzleboard']}")
     if isinstance(parsed, Printed):
-        return parsed.target, spacing or parse_length(f"{parsed.spacing!r}m")
+        return parsed.target, spacing or length_of_file(which, parsed.spacing)
     return parsed, spacing
 
 

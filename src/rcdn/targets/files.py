@@ -27,6 +27,14 @@ _KALIBR_FIELDS = {
     "aprilgrid": ("tagCols", "tagRows", "tagSize", "tagSpacing", "codeOffset"),
     "checkerboard": ("targetCols", "targetRows", "rowSpacingMeters", "colSpacingMeters"),
 }
+_KALIBR_SPACING = {"aprilgrid": "tagSize", "checkerboard": "rowSpacingMeters"}
+
+
+def spacing_field(path: str | Path) -> str:
+    """The field of a target's file from which `read_target` takes the spacing. Raises FormatError."""
+    record = load(str(path), read_text(path))
+    kind = record.get("target_type") if isinstance(record, dict) else None
+    return _KALIBR_SPACING.get(kind, "spacing") if isinstance(kind, str) else "spacing"
 
 
 def read_target(path: str | Path) -> Printed:

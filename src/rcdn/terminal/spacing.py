@@ -1,4 +1,5 @@
-"""`--spacing`: a length with its unit; an error asks for the unit if a length without one implies a board of metres."""
+"""`--spacing`: a length with its unit; an error asks for the unit if a length without one, or that of a target's file,
+implies a board of metres."""
 
 from __future__ import annotations
 
@@ -22,11 +23,21 @@ SMALLEST_BOARD = 3
 LENGTH = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([a-z\"]*)\s*")
 
 
+OPTION = "--spacing"
+
+
 class Length(float):
-    """A length in metres, with the `text` given by the user and whether it had a `unit`."""
+    """A length in metres, with the `text` given by the user and whether it had a `unit`; `source`: the option, or the
+    file and its field, that says it."""
 
     text: str
     unit: bool
+    source: str = OPTION
+
+    @property
+    def of_file(self) -> bool:
+        """Whether a target's file says it."""
+        return self.source != OPTION
 
 
 class Lengths(dict[str, Length]):
@@ -44,6 +55,15 @@ def parse_length(text: str) -> Length:
     return length
 
 
+def length_of_file(path: str, spacing: float) -> Length:
+    """The length that `read_target` gives for the file in `path`: in metres, as the file says it."""
+    from rcdn.targets.files import spacing_field
+
+    length = Length(spacing)
+    length.text, length.unit, length.source = f"{spacing:g}", False, f"{path}: {spacing_field(path)}"
+    return length
+
+
 def check_length(spacing: Length, size: tuple[int, int] | None = None) -> None:
     """Raise ConfigError unless `spacing` is positive and, if it has no unit, implies a board of `size` (inner corners)
     at most 2 m across."""
@@ -51,7 +71,7 @@ def check_length(spacing: Length, size: tuple[int, int] | None = None) -> None:
 
     if not is_spacing(spacing):
         raise ConfigError(
-            f"--spacing is the side of one square and must be above 0, {in_words(*SPACING)} m (25mm, or metres: "
+            f"{spacing.source} is the side of one square and must be above 0, {in_words(*SPACING)} m (25mm, or metres: "
             f"0.025), not {spacing.text}"
         )
     across = (SMALLEST_BOARD if size is None else max(size) + 1) * spacing
@@ -59,16 +79,18 @@ def check_length(spacing: Length, size: tuple[int, int] | None = None) -> None:
         return
     board = "a board" if size is None else a_board((size[0], size[1]))
     least = "at least " if size is None else ""
+    so_large = f"add {OPTION} {spacing.text}m" if spacing.of_file else f"write {spacing.text}m"
     raise ConfigError(
-        f"--spacing {spacing.text} means metres and makes {board} {least}{across:.3g} m across; did you mean "
-        f"{_likely(spacing)}? If it is so large, write {spacing.text}m"
+        f"{spacing.source} {spacing.text} means metres and makes {board} {least}{across:.3g} m across; did you mean "
+        f"{_likely(spacing)}? If it is so large, {so_large}"
     )
 
 
 def _likely(spacing: Length) -> str:
-    """The same number with the unit that gives a square of usual size, and its value in metres."""
+    """The same number with the unit that gives a square of usual size, and its value in metres, as a file has it."""
     unit = "mm" if spacing >= 5 else "cm"
-    return f"{spacing.text}{unit} ({spacing * UNITS[unit]:.6g})"
+    with_unit, in_metres = f"{spacing.text}{unit}", f"{spacing * UNITS[unit]:.6g}"
+    return f"{in_metres} ({with_unit})" if spacing.of_file else f"{with_unit} ({in_metres})"
 
 
 def parse_spacing(text: str) -> Length | Lengths:
@@ -112,12 +134,15 @@ def check_spacing(spacing: Length | Lengths, sizes: Mapping[str, tuple[int, int]
 
 
 def sizes_of(boards: Sequence[Board], plain: tuple[int, int] | None = None) -> dict[str, tuple[int, int] | None]:
-    """(columns, rows) by kind of board, for `check_spacing`; for boards without codes the size `plain`, if given."""
+    """(columns, rows) by kind of board, for `check_spacing`; of AprilGrids in tags; for boards without codes the size
+    `plain`, if given."""
     from rcdn.calibration.coded import kind_of
     from rcdn.geometry.cut import whole_size
 
     kinds = {kind_of(b) for b in boards}
     sizes = {kind: whole_size([b for b in boards if kind_of(b) == kind]) for kind in kinds}
+    if tags := sizes.get("aprilgrid"):
+        sizes["aprilgrid"] = (tags[0] // 2, tags[1] // 2)  # a tag has two corners a side
     return sizes if plain is None else {**sizes, "checker": plain}
 
 

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from rcdn.errors import ConfigError, RcdnError
+from rcdn.errors import ConfigError, RcdnError, present
 from rcdn.terminal.options import GridSize, PatternName
-from rcdn.terminal.spacing import Length, Lengths
+from rcdn.terminal.spacing import Length, Lengths, length_of_file
 
 if TYPE_CHECKING:
     from rcdn.types import Print, PuzzleBoard
@@ -65,9 +65,7 @@ class TargetOption:
                     "--spacing out, or mend the file"
                 )
             return given
-        length = Length(self.spacing or 0.0)
-        length.text, length.unit = f"{self.spacing:g}m", True
-        return length
+        return length_of_file(self.text, present(self.spacing, "--spacing"))
 
 
 DEFAULT = TargetOption("auto", "auto")
