@@ -27,6 +27,7 @@ from rcdn.io import (
     write_image,
     write_text,
 )
+from rcdn.io.marks import mark_of, marked
 
 H, W = 40, 60
 
@@ -560,4 +561,13 @@ def _tiff(big, order, orientation, pixels):
 def test_a_tiffs_orientation_is_left_as_stored(tmp_path, big, order, orientation):
     pixels = np.random.default_rng(0).integers(0, 256, (40, 60), np.uint8)
     (tmp_path / "a.tif").write_bytes(_tiff(big, order, orientation, pixels))
+    assert np.array_equal(read_image(tmp_path / "a.tif"), pixels)
+
+
+@pytest.mark.parametrize("big", [False, True])
+@pytest.mark.parametrize("order", ["II", "MM"])
+def test_a_tiff_of_either_byte_order_keeps_a_mark(tmp_path, big, order):
+    pixels = np.random.default_rng(0).integers(0, 256, (40, 60), np.uint8)
+    (tmp_path / "a.tif").write_bytes(marked(_tiff(big, order, 1, pixels), "rcdn undistorted"))
+    assert mark_of(tmp_path / "a.tif") == "rcdn undistorted"
     assert np.array_equal(read_image(tmp_path / "a.tif"), pixels)

@@ -21,6 +21,7 @@ from rcdn.geometry import project, unproject
 from rcdn.geometry.flat_view import flat_camera, largest_rectangle, seen
 from rcdn.geometry.resample import undistortion
 from rcdn.io import read_camera, read_pixels, write_camera, write_image
+from rcdn.io.finding import find
 from rcdn.io.marks import mark_of
 from rcdn.types import Camera, LensCorrection
 
@@ -244,6 +245,24 @@ def test_nothing_of_others_is_written_over_and_a_second_run_replaces_the_first(r
     assert run("camera.yaml", "in", "--out", "out", "--overwrite").exit_code == 0
     assert mark_of("out/a.png") == "rcdn undistorted"
     assert run("camera.yaml", "in", "--out", "out", "--balance", "1").exit_code == 0
+
+
+@pytest.mark.parametrize("ending", [".tif", ".webp", ".bmp", ".ppm", ".jp2"])
+def test_undistorted_pictures_of_every_format_are_known_again(run, ending):
+    """They are no originals beside the originals, and the next run replaces them; nobody else's are replaced."""
+    for name in ("a", "b"):
+        picture(f"in/{name}{ending}")
+    for _ in range(2):
+        result = run("camera.yaml", "in", "--out", "in/flat")
+        assert (result.exit_code, result.stdout[:11]) == (0, "2 pictures ")
+    assert [path.name for path in find(["in"]).files] == [f"a{ending}", f"b{ending}"]
+    assert len(find(["in"]).own) == 2
+    assert len(find(["in/flat"]).files) == 2  # nothing else is there
+    mine = Path(f"in/flat/a{ending}")
+    picture(mine)
+    before = mine.read_bytes()
+    assert run("camera.yaml", "in", "--out", "in/flat").exit_code == 1
+    assert mine.read_bytes() == before
 
 
 def test_inputs_are_safe_in_whatever_way_the_folder_is_named(run):

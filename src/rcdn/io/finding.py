@@ -11,10 +11,7 @@ from itertools import groupby
 from pathlib import Path
 
 from rcdn.io.files import PICTURE_ENDINGS, UNREAD_ENDINGS, VIDEO_ENDINGS, Errors, is_special
-from rcdn.io.marks import mark_of
-
-MARKED_ENDINGS = frozenset({".png", ".jpg", ".jpeg"})
-"""endings of files that may contain a mark of rcdn"""
+from rcdn.io.marks import MARKED_ENDINGS, mark_of
 
 LISTED = 3
 """smallest number of consecutive files that are taken for a shell's expansion of a pattern"""

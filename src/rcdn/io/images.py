@@ -182,8 +182,8 @@ def write_image(path: str | Path, image: Array, mark: Mark | None = None) -> Non
     """Write an image (H, W) or (H, W, 3) BGR, uint8 or uint16 (TIFF: float32, too), in the format of the path's ending;
     whole or not at all.
 
-    `mark`: a comment written to a PNG or JPEG, so that it isn't taken for a photograph later. Raises OutputError if the
-    ending isn't that of a picture format, the array can't be encoded, or the file can't be written.
+    `mark`: a text in its metadata (`rcdn.io.marks`), so that it isn't taken for a photograph later. Raises OutputError
+    if the ending isn't that of a picture format, the array can't be encoded, or the file can't be written.
     """
     kinds = [np.uint8, np.uint16] + [np.float32] * (Path(path).suffix.lower() in (".tif", ".tiff"))
     if image.dtype not in kinds or image.size == 0:

@@ -1,16 +1,19 @@
-"""Parts of TIFF that OpenCV's reader doesn't cover: the size, the orientation, and missing or damaged strips."""
+"""Parts of TIFF that OpenCV doesn't cover: the size, the orientation, the name of the software, and missing or damaged
+strips."""
 
 from __future__ import annotations
 
 import struct
 import zlib
+from typing import BinaryIO
 
 WIDTH, HEIGHT, COMPRESSION, ORIENTATION = 256, 257, 259, 274
 STRIPS, STRIP_BYTES, TILES, TILE_BYTES = 273, 279, 324, 325
+SOFTWARE, _ASCII = 305, 2
 _WANTED = frozenset({WIDTH, HEIGHT, COMPRESSION, STRIPS, STRIP_BYTES, TILES, TILE_BYTES})
 _VALUES = {3: "H", 4: "I", 16: "Q"}  # integer types
 _DEFLATE = ([8], [32946])
-_MOST_TAGS = 4096
+_MOST_TAGS, _MOST_TEXT = 4096, 256
 _PIECE = 1 << 20  # bytes inflated at once
 
 
@@ -96,3 +99,42 @@ def as_stored(data: bytes) -> bytes:
     except struct.error:
         pass  # libtiff reports the truncated file
     return data
+
+
+def with_software(data: bytes, text: bytes) -> bytes:
+    """A TIFF whose first page names the software `text` (8 bytes or more), by a directory of tags that is appended."""
+    order, room, entries = _directory(data)
+    place, many = ("Q", "Q") if room == 8 else ("I", "H")
+    data += bytes(len(data) % 2)
+    value = text + b"\0" * (2 - len(text) % 2)
+    entry = struct.pack(f"{order}HH{place}{place}", SOFTWARE, _ASCII, len(text) + 1, len(data))
+    others = [data[at : at + entries.step] for at in entries]
+    all_ = sorted([entry, *(e for e in others if _tag(order, e) != SOFTWARE)], key=lambda e: _tag(order, e))
+    following = data[entries.stop : entries.stop + room]  # the place of the next page
+    directory = struct.pack(f"{order}{many}", len(all_)) + b"".join(all_) + following
+    return data[:room] + struct.pack(f"{order}{place}", len(data) + len(value)) + data[2 * room :] + value + directory
+
+
+def software(file: BinaryIO) -> bytes:
+    """The software that the first page of a TIFF names; b"" if none, or if the file is damaged."""
+    try:
+        file.seek(0)
+        head = file.read(16)
+        order = "<" if head[:2] == b"II" else ">"
+        place, room, step, many = ("Q", 8, 20, "Q") if head[2:4] in (b"+\0", b"\0+") else ("I", 4, 12, "H")
+        file.seek(struct.unpack_from(f"{order}{place}", head, room)[0])
+        (count,) = struct.unpack(f"{order}{many}", file.read(struct.calcsize(many)))
+        for _ in range(min(count, _MOST_TAGS)):
+            tag, kind, size, at = struct.unpack(f"{order}HH{place}{place}", file.read(step))
+            if tag == SOFTWARE:
+                if kind != _ASCII or not room < size <= _MOST_TEXT:
+                    return b""
+                file.seek(at)
+                return file.read(size).rstrip(b"\0")
+    except (struct.error, OSError, OverflowError, ValueError):  # offsets beyond any file
+        pass
+    return b""
+
+
+def _tag(order: str, entry: bytes) -> int:
+    return int(struct.unpack_from(f"{order}H", entry)[0])
