@@ -1,4 +1,4 @@
-"""`rcdn pose`: boards seen in part, boards of other targets than the told one."""
+"""`rcdn pose`: boards seen in part, boards of other targets than the told one, and several boards in a picture."""
 
 from __future__ import annotations
 
@@ -166,3 +166,17 @@ def test_a_board_whose_own_length_is_named_has_a_pose_beside_a_told_target(scene
     assert result.exit_code == 0, result.output
     for record, T, times in zip(poses(), truth, (1, 2), strict=False):
         assert np.array(record["T_cam_board"])[:3, 3] == pytest.approx(times * T[:3, 3], abs=0.002)
+
+
+# ---- several boards
+
+
+def test_of_several_boards_in_a_picture_each_line_says_which_it_is(scene):
+    boards, (T, *_), pose = scene
+    result = pose(save("found.json", [coded(boards[0], CHARUCO), boards[1], part_of(T, ragged)], [boards[2]]))
+    assert result.exit_code == 0, result.output
+    ends = [line.partition(" px")[2].strip() for line in result.stdout.splitlines()]
+    assert ends[0] == "ChArUco 10x7 DICT_4X4_100 (54 corners)"
+    assert ends[1] == "9×6"
+    assert ends[2].startswith(SEEN)
+    assert ends[3] == ""

@@ -60,9 +60,10 @@ class PoseBoards:
         """The boards of a picture that are placed, each with its number in the picture."""
         return [(k, board) for k, board in enumerate(image.boards) if not self._reason(board)]
 
-    def line_end(self, board: Board) -> str:
-        """The end of a pose's line: that it is a part's; "" otherwise."""
-        text = self.part_text(board)
+    def line_end(self, board: Board, several: bool) -> str:
+        """The end of a pose's line: that it is a part's, or which one of `several` boards of the picture it is; ""
+        otherwise."""
+        text = self.part_text(board) or (board_text(brief_board(board), None) if several else "")
         return text and f"  {text}"
 
     def complete(self, board: Board) -> bool:

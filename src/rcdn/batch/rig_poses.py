@@ -49,7 +49,7 @@ def rig_poses(
     def solved(moment: str, boards: Mapping[str, Board]) -> tuple[str, dict[str, Any]]:
         done = estimate_rig_pose(boards, rig, side(length, kind_of(next(iter(boards.values())))))
         largest = max(boards.values(), key=len)  # whose labels count
-        return _line(moment, done) + taken.line_end(largest), _record(moment, taken.complete(largest), done)
+        return _line(moment, done) + taken.line_end(largest, False), _record(moment, taken.complete(largest), done)
 
     wanted = ((moment, partial(solved, moment, boards)) for moment, boards in _moments(found, taken).items())
     tell_poses(wanted, "rig_poses", length, json, taken)

@@ -116,7 +116,7 @@ def pose(
 
     def solved(image: ImageResult, number: int, found: Board) -> tuple[str, dict[str, Any]]:
         done = estimate_pose(found, lens, side(length, kind_of(found)))
-        line = camera_text.pose_line(image.path, done) + boards.line_end(found)
+        line = camera_text.pose_line(image.path, done) + boards.line_end(found, len(image.boards) > 1)
         return line, _record(image.path, number, found, boards.complete(found), done)
 
     wanted = ((image.path, partial(solved, image, k, found)) for image in got.images for k, found in boards.of(image))
