@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from rcdn.cli import app
 from rcdn.errors import ImageError
-from rcdn.io import find, read_image
+from rcdn.io import find, frames, read_image
 from rcdn.io.files import PICTURE_ENDINGS, UNREAD_ENDINGS, VIDEO_ENDINGS
 
 GREY = np.add.outer(np.arange(48), 2 * np.arange(64)).astype(np.uint8)
@@ -70,6 +70,20 @@ def test_a_picture_that_is_not_read_is_counted(tmp_path, ending):
     result = CliRunner().invoke(app, ["detect", str(tmp_path)])
     assert "2 pictures of formats that aren't read are skipped" in result.stderr
     assert find([tmp_path]).files == [tmp_path / "a.jfif"]
+
+
+@pytest.mark.parametrize("ending", sorted(VIDEO_ENDINGS - {".avi", ".webm"}))
+def test_a_video_of_this_ending_is_found_in_a_folder_and_read(tmp_path, ending):
+    path = tmp_path / f"a{ending}"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), 25, (320, 240))
+    if not writer.isOpened():
+        pytest.skip("this OpenCV writes no such video")
+    for level in range(0, 200, 20):
+        writer.write(np.full((240, 320, 3), level, np.uint8))
+    writer.release()
+    assert find([tmp_path]).files == [path]
+    greys = [float(grey.mean()) for _, grey in frames(path)]
+    assert np.abs(np.subtract(greys, np.arange(0, 200, 20))).max() < 4
 
 
 def test_an_ending_has_one_meaning():

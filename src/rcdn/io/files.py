@@ -26,7 +26,7 @@ _RAW = _endings(
 UNREAD_ENDINGS = _RAW | _endings("exr gif jxl pcx psd tga")
 """endings of pictures that folders may hold and that aren't looked for: raw formats of cameras, others that OpenCV
 doesn't read, and GIF"""
-VIDEO_ENDINGS = frozenset({".mp4", ".avi", ".mov", ".mkv", ".webm"})
+VIDEO_ENDINGS = _endings("mp4 m4v avi mov mkv webm mts m2ts mpg mpeg wmv 3gp")
 
 STDOUT = Path("-")
 """standard output in place of an output file (a file of that name can be given by its absolute path)"""
