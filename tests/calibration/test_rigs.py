@@ -223,6 +223,17 @@ def test_a_model_for_some_cameras_only_is_refused_by_name(seen):
         calibrate_rig(boards, SPACING, moments=moments, model={"c0": "brown"})
 
 
+def test_a_camera_that_is_given_twice_in_a_rig_is_refused_by_both_names(seen):
+    boards, moments = seen
+    twice = {**boards, "copy": boards["c1"]}
+    again = {**moments, "copy": moments["c1"]}
+    with pytest.raises(ConfigError, match="cameras c1 and copy have the same boards, corner by corner"):
+        calibrate_rig(twice, SPACING, moments=again, model="pinhole")
+    few = {"all": boards["c1"], "some": boards["c1"][1:]}
+    with pytest.raises(ConfigError, match="cameras all and some have the same boards"):
+        calibrate_rig(few, SPACING, moments={"all": moments["c1"], "some": moments["c1"][1:]}, model="pinhole")
+
+
 def test_the_json_of_a_rigs_calibration_is_read_as_its_rig(found, tmp_path):
     write_rig_calibration(tmp_path / "all.json", found)
     read = read_rig(tmp_path / "all.json")

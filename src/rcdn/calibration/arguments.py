@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Hashable, Mapping, Sequence
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -54,6 +55,29 @@ def check_board(board: Any, name: str = "board") -> None:
     """Raise ConfigError unless `board` is a Board."""
     if not isinstance(board, Board):
         raise ConfigError(f"{name} must be a Board, as Detector.boards gives them, not {type(board).__name__}")
+
+
+def check_own_boards(
+    names: Sequence[str], boards: Sequence[Sequence[Board]], when: Sequence[Sequence[Hashable]]
+) -> None:
+    """Raise ConfigError if two of the cameras `names` have the same boards, corner by corner, at all the moments that
+    they share; `when`: for each camera, the moment of each of its boards."""
+    seen = [_by_moment(mine, moments) for mine, moments in zip(boards, when, strict=True)]
+    for (a, first), (b, second) in combinations(zip(names, seen, strict=True), 2):
+        shared = first.keys() & second.keys()
+        if shared and all(first[moment] == second[moment] for moment in shared):
+            raise ConfigError(
+                f"cameras {a} and {b} have the same boards, corner by corner, at the same moments: "
+                "give each camera its own pictures"
+            )
+
+
+def _by_moment(boards: Sequence[Board], when: Sequence[Hashable]) -> dict[Hashable, list[bytes]]:
+    """The corners' positions of the boards of each moment, as bytes, in an order of their own."""
+    out: dict[Hashable, list[bytes]] = {}
+    for board, moment in zip(boards, when, strict=True):
+        out.setdefault(moment, []).append(board.xy.tobytes())
+    return {moment: sorted(each) for moment, each in out.items()}
 
 
 def check_camera(camera: Any, name: str = "camera") -> None:

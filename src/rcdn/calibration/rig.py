@@ -11,7 +11,14 @@ from itertools import combinations
 import numpy as np
 
 from rcdn.calibration import robust
-from rcdn.calibration.arguments import check_boards, check_by_camera, check_camera, check_truth, given_size
+from rcdn.calibration.arguments import (
+    check_boards,
+    check_by_camera,
+    check_camera,
+    check_own_boards,
+    check_truth,
+    given_size,
+)
 from rcdn.calibration.board_paths import times_of
 from rcdn.calibration.coded import Geometries, Spacing
 from rcdn.calibration.common_model import one_model
@@ -83,6 +90,7 @@ def calibrate_rig(
     boards = [b for name in order for b in _checked(name, views[name])]
     when = _moments(views, moments)
     geometries = Geometries.of(boards, spacing, size)
+    check_own_boards(order, list(views.values()), when)
 
     @cache
     def as_model(camera: int, lens: str) -> Calibration:

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from rcdn.calibration import robust
-from rcdn.calibration.arguments import check_boards, given_size
+from rcdn.calibration.arguments import check_boards, check_own_boards, given_size
 from rcdn.calibration.calibrate import check_arguments, check_model
 from rcdn.calibration.coded import Geometries, Spacing
 from rcdn.calibration.common_model import one_model
@@ -93,8 +93,8 @@ def stereo_solution(
     """`calibrate_stereo` with the covariance of both lenses and the relative pose together."""
     _check_names(names)
     pairs, size = _pairs(left, right, pairs), given_size(size)
-    if pairs and all(np.array_equal(left[a].xy, right[b].xy) for a, b in pairs):
-        raise ConfigError("left and right are the same boards, corner by corner; give the other camera's pictures")
+    both = [left[a] for a, _ in pairs], [right[b] for _, b in pairs]
+    check_own_boards(SIDES, both, [range(len(pairs))] * 2)
     _check_lenses(cameras, model)
     known = (cameras[0] is not None, cameras[1] is not None)
     lenses = (cameras[0] or model, cameras[1] or model)
