@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from rcdn.calibration import estimate_pose, estimate_rig_pose
+from rcdn.calibration import calibrate, estimate_pose, estimate_rig_pose
 from rcdn.errors import CalibrationError, ConfigError, RcdnError
 from rcdn.geometry import rotation
 from rcdn.types import BoardShape, Camera, Pose, Rig
@@ -145,6 +145,39 @@ def test_a_known_shape():
         assert real.rms < 0.2 < flat.rms
         off = error_of(real.T_cam_board, T)
         assert off @ np.linalg.solve(real.cov, off) < 30
+
+
+@pytest.mark.parametrize("size", [(9, 6), (6, 9), (8, 6), (7, 5)])
+def test_a_shape_is_turned_to_a_board_of_the_transposed_size(size):
+    """Given by the labels of `Board.grid_of`, it gives the pose and the residuals of one by the board's own labels."""
+    columns, rows = size
+    offsets = np.random.default_rng(1).normal(0, 0.002, (rows * columns, 3))
+    (b,), (T,) = random_boards(BROWN, 4, 1, 0.0, whole=True, offsets=offsets, size=size)
+    quarter = replace(b, xy=offsets[:, :2]).grid_of(size[::-1])  # where each displacement goes by a quarter turn
+    plane = replace(b, xy=b.ij.astype(float)).grid_of(size[::-1])
+    along, down = plane[0, 1] - plane[0, 0], plane[1, 0] - plane[0, 0]
+    height = replace(b, xy=np.column_stack([offsets[:, 2]] * 2)).grid_of(size[::-1])[..., :1]
+    shape = BoardShape(np.concatenate([quarter @ np.stack([along, down], axis=1), height], axis=2))
+    assert shape.size == size[::-1]
+    found = estimate_pose(b, BROWN, SPACING, shape=shape)
+    assert found.rms < 1e-6
+    assert found.T_cam_board == pytest.approx(T, abs=1e-8)
+    own = estimate_pose(b, BROWN, SPACING, shape=BoardShape(offsets.reshape(rows, columns, 3)))
+    assert found.T_cam_board == pytest.approx(own.T_cam_board, abs=1e-8)
+
+
+def test_the_shape_of_a_calibration_with_a_transposed_size_serves_boards_by_their_own_labels():
+    offsets = uneven_board(np.random.default_rng(0), 0.01, 0.0003, 0.0015)
+    boards, _ = random_boards(BROWN, 3, 10, 0.1, whole=True, offsets=offsets)
+    usual, turned = (calibrate(boards, SPACING, model="brown", size=size) for size in (None, (6, 9)))
+    assert (usual.shape.size, turned.shape.size) == ((9, 6), (6, 9))
+    a, b = (estimate_pose(boards[0], BROWN, SPACING, shape=c.shape) for c in (usual, turned))
+    assert a.T_cam_board == pytest.approx(b.T_cam_board, abs=1e-5)
+    assert max(a.rms, b.rms) < 0.2 < estimate_pose(boards[0], BROWN, SPACING).rms
+    view = turned.views[0]
+    first = boards[0].ij[(view.ij == 0).all(axis=1)][0]  # the corner (0, 0) of the calibration, by the board's labels
+    assert first.any()
+    assert view.pose.t == pytest.approx(b.R @ [*(first * SPACING), 0] + b.t, abs=0.002)
 
 
 def test_a_shape_is_that_of_whole_boards():

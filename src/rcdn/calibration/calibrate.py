@@ -79,11 +79,12 @@ def calibrate(
     same name are held out together (default: each board is a picture of its own). `model`: `pinhole` (no distortion),
     `radtan` (k1 k2 p1 p2), `brown` (with k3), `fisheye` (Kannala–Brandt, 4), `rational` (8), or `auto`: the simplest
     model whose held-out error is close to the least. `size` (columns, rows) of the board in inner corners; default: the
-    most frequent size of the complete boards that the picture's border cannot have cut. `flat`: the board is known to
-    be exactly planar and evenly spaced, such as one on glass; by default its shape is estimated, too, if five views
-    determine which corner is which (`rcdn.calibration.shape`). `fix`: what is held fixed, `aspect` (fx = fy),
-    `principal_point` (the centre of the picture), or both. `leave_out`: names of pictures that the estimate must not
-    use, or `name:2` for the second board of one; they remain among the views.
+    most frequent size of the complete boards that the picture's border cannot have cut; labels, poses and shape are
+    those of a board of that size, as `Board.grid_of` turns it. `flat`: the board is known to be exactly planar and
+    evenly spaced, such as one on glass; by default its shape is estimated, too, if five views determine which corner is
+    which (`rcdn.calibration.shape`). `fix`: what is held fixed, `aspect` (fx = fy), `principal_point` (the centre of
+    the picture), or both. `leave_out`: names of pictures that the estimate must not use, or `name:2` for the second
+    board of one; they remain among the views.
 
     Each corner is weighted by its sigma and by the additional scatter that the corners show. Corners and views that are
     outliers are left out and reported. Covariances are computed from the scatter between whole views

@@ -9,12 +9,14 @@ from rcdn.calibration import robust
 from rcdn.calibration.arguments import check_board, check_camera, side_of_square
 from rcdn.calibration.bundle import Corners3, State, default_free, residuals
 from rcdn.calibration.coded import frame_of
-from rcdn.calibration.shape import KNOWN, on_shape
+from rcdn.calibration.shape import KNOWN, all_labels, on_shape
 from rcdn.calibration.start import Seen, poses
 from rcdn.calibration.uncertainty import pose_covariance
 from rcdn.calibration.usable import sigma_of
 from rcdn.errors import CalibrationError, ConfigError
 from rcdn.geometry import unproject
+from rcdn.geometry.order import turn_labels
+from rcdn.geometry.part import quarter_turns
 from rcdn.geometry.rigid import motion, rotation_angle, unit
 from rcdn.types import Array, Board, BoardShape, Camera, Pose, PoseEstimate
 from rcdn.types.arrays import Real
@@ -34,7 +36,8 @@ def estimate_pose(
 
     `spacing`: side of a square (of a triangle, of a tag), m (default: the translation is in sides). `shape`:
     `Calibration.shape`, for whole boards, in metres: with it, `spacing` must be given, too
-    (`Calibration.spacing`). Starts from both poses that a plane allows (IPPE, Collins & Bartoli 2014), refines them
+    (`Calibration.spacing`); that of boards of the transposed size is turned to `board`'s labels, as by
+    `Board.grid_of`. Starts from both poses that a plane allows (IPPE, Collins & Bartoli 2014), refines them
     with corners weighted by sigma and without outliers, and returns the better one; `ambiguous` if the difference is
     not significant. Labels are the board's own: the origin of a partial board is its own first corner,
     that of a board whose codes were read is its target's; `T_cam_target` is then the same pose in the coordinates that
@@ -75,17 +78,29 @@ def estimate_pose(
 
 def pose_corners(board: Board, spacing: float, shape: BoardShape | None) -> tuple[Corners3, Array]:
     """The corners of one board that one camera saw, and their sigma (N,) px."""
-    if shape is not None and not isinstance(shape, BoardShape):
+    zero = np.zeros(len(board), int)
+    places, basis = on_shape(board.points * spacing, board.ij, None if shape is None else _shape_of(board, shape))
+    xy = np.where(np.isfinite(board.xy), board.xy, np.nan)  # a corner without a position is not used
+    return Corners3(zero, zero, places, xy, basis), np.nan_to_num(sigma_of(board))
+
+
+def _shape_of(board: Board, shape: BoardShape) -> BoardShape:
+    """`shape` by the labels of the whole `board`: that of boards of the transposed size is turned by a quarter, as
+    `Board.grid_of` turns those. Raises ConfigError if it is that of other boards."""
+    if not isinstance(shape, BoardShape):
         raise ConfigError(f"shape must be a BoardShape, as Calibration.shape is, not {type(shape).__name__}")
-    if shape is not None and (board.pattern != "checker" or board.size != shape.size):
+    if board.pattern == "checker" and board.size == shape.size:
+        return shape
+    if board.pattern != "checker" or board.target is not None or board.size != shape.size[::-1]:
         raise ConfigError(
             f"shape: it is that of whole boards of {shape.size[0]}×{shape.size[1]} corners, and this one shows "
             f"{board.size[0]}×{board.size[1]}: leave it out"
         )
-    zero = np.zeros(len(board), int)
-    places, basis = on_shape(board.points * spacing, board.ij, shape)
-    xy = np.where(np.isfinite(board.xy), board.xy, np.nan)  # a corner without a position is not used
-    return Corners3(zero, zero, places, xy, basis), np.nan_to_num(sigma_of(board))
+    turn, (columns, rows) = quarter_turns(board.size), board.size
+    corner, right, below = turn_labels(np.array([[0, 0], [1, 0], [0, 1]]), board.size, turn)
+    there = shape.at(turn_labels(all_labels(board.size), board.size, turn))
+    within = there[:, :2] @ np.stack([right - corner, below - corner], axis=1)
+    return BoardShape(np.column_stack([within, there[:, 2]]).reshape(rows, columns, 3))
 
 
 def _state(camera: Camera, T: Array) -> State:

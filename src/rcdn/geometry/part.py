@@ -55,7 +55,7 @@ def labels_of(board: Board, size: Size, dark: bool | None) -> Int[Array, "m 2"] 
     if board.pattern != "checker":  # a deltille has no end that could be seen, and no quarter turns
         return None
     if board.size in (size, size[::-1]):
-        return np.asarray(turn_labels(own, board.size, _quarter(board.size)))
+        return np.asarray(turn_labels(own, board.size, quarter_turns(board.size)))
     return None if board.target is not None else _place_of(board, size, dark)
 
 
@@ -103,10 +103,10 @@ def _as_it_lies(ij: Array, xy: Array, size: Size) -> float:
     """Cosine of the angle between +x and the i axis, of labels `ij` on a board of `size` or, where they run vertically,
     of those from which a whole board would be turned by a quarter."""
     level = rightward(ij, xy)
-    return level if abs(level) >= np.sqrt(0.5) else rightward(turn_labels(ij, size, -_quarter(size[::-1])), xy)
+    return level if abs(level) >= np.sqrt(0.5) else rightward(turn_labels(ij, size, -quarter_turns(size[::-1])), xy)
 
 
-def _quarter(size: Size) -> int:
+def quarter_turns(size: Size) -> int:
     """The quarter turns by which a board of `size` is turned to the transposed size, as by `Board.grid_of`."""
     return 1 if size[0] % 2 == 0 else 3
 
