@@ -220,3 +220,32 @@ def test_a_board_of_another_picture_size_is_refused(started):
     boards, _ = random_boards(BROWN, 1, 1, whole=True)
     with pytest.raises(ConfigError, match="640×480"):
         started.add(replace(boards[0], image_size=(800, 600)), "x")
+
+
+@pytest.mark.parametrize(
+    ("seen", "message"),
+    [
+        (lambda b: [b], "board must be one Board or None, not a list: give one of its boards"),
+        (lambda b: [], "board must be one Board or None, not a list"),
+        (lambda b: b.xy, "board must be a Board, as Detector.boards gives them, not ndarray"),
+        (lambda b: replace(b, image_size=(800, 600)), "board must be of a picture of 640×480 px, not 800×600"),
+    ],
+)
+def test_a_frame_is_judged_by_one_board_of_its_size(started, seen, message):
+    board = held(BROWN, started.progress.wanted.pose.T_cam_board)
+    with pytest.raises(ConfigError, match=message):
+        started.look(seen(board), 500.0)
+
+
+@pytest.mark.parametrize(
+    "grey",
+    [
+        np.zeros((480, 640, 3), np.uint8), np.zeros((240, 320), np.uint8), np.zeros((640, 480), np.uint8),
+        np.zeros((480, 640), np.uint16), [[0] * 640] * 480,
+    ],
+)  # fmt: skip
+def test_a_frame_is_judged_by_its_whole_grey_picture(started, grey):
+    seen = held(BROWN, started.progress.wanted.pose.T_cam_board)
+    for each in (seen, None):
+        with pytest.raises(ConfigError, match=r"grey must be the whole frame in grey, an array \(480, 640\) of uint8"):
+            started.look(each, 500.0, grey)

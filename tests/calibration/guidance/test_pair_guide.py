@@ -325,3 +325,26 @@ def test_a_moment_without_a_board_is_refused(boards):
     guide = PairGuide((BROWN.image_size, BROWN.image_size), SPACING)
     with pytest.raises(ConfigError, match="one of them at least"):
         guide.add(boards, "0")
+
+
+@pytest.mark.parametrize(
+    ("seen", "greys", "message"),
+    [
+        (lambda a, b: ([a], b), None, r"boards\[0\] must be one Board or None, not a list"),
+        (lambda a, b: (a, [b]), None, r"boards\[1\] must be one Board or None, not a list"),
+        (lambda a, b: a, None, "boards must have the board of the left and of the right picture, None where"),
+        (lambda a, b: (a, replace(b, image_size=(80, 60))), None, r"boards\[1\] must be of a picture of 640×480 px"),
+        (lambda a, b: (a, b), np.zeros((480, 640), np.uint8), "greys must have the frame of the left and of the right"),
+        (lambda a, b: (a, b), [np.zeros((480, 640, 3), np.uint8)] * 2, r"greys\[0\] must be the whole frame in grey"),
+    ],
+)
+def test_a_moment_is_judged_by_a_board_and_a_frame_of_each_camera(started, seen, greys, message):
+    with pytest.raises(ConfigError, match=message):
+        started.look(seen(*moment(wanted_pose(started))), 900.0, greys)
+
+
+def test_a_moment_of_another_picture_size_is_refused():
+    guide = PairGuide((BROWN.image_size, BROWN.image_size), SPACING)
+    left, right = moment(BEGIN)
+    with pytest.raises(ConfigError, match=r"first\[1\] must be of a picture of 640×480 px, not 800×600"):
+        guide.add((left, replace(right, image_size=(800, 600))), "first")

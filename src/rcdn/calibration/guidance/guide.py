@@ -24,7 +24,7 @@ from rcdn.calibration.start import Seen, poses
 from rcdn.errors import ConfigError, shown
 from rcdn.geometry import project
 from rcdn.types import SQUARES, Array, Board, Plane
-from rcdn.types.arrays import Real, Shaped
+from rcdn.types.arrays import Real
 from rcdn.types.ranges import whole_size
 
 FEWEST_CORNERS = 12
@@ -111,10 +111,7 @@ class Guide:
     def add_all(self, boards: Mapping[str, Board]) -> Progress:
         """`add` for several pictures by name, such as those of an earlier session, with a single calibration."""
         for board in boards.values():
-            check_board(board)
-            if board.image_size != self._wish.image_size:
-                (w, h), (width, height) = board.image_size, self._wish.image_size
-                raise ConfigError(f"board must be of a picture of {width}×{height} px, not {w}×{h}")
+            check_of_frame(board, self._wish.image_size)
         with self._writing:
             self._boards = {**self._boards, **boards}
             printed = [self._printed(board) for board in boards.values()]
@@ -131,9 +128,14 @@ class Guide:
             self._boards = {k: b for k, b in self._boards.items() if k != name}
             return self._replanned(self._plan.known.size, self._plan.known.plane)
 
-    def look(self, board: Board | None, time: float, grey: Shaped[Array, "h w"] | None = None) -> Look:
+    def look(self, board: Board | None, time: float, grey: Array | None = None) -> Look:
         """Judge the board of the frame at `time` s (ascending), None if there is none; `grey` (H, W) uint8: the frame,
-        in whose pixels the board's corners are given, for its sharpness and exposure (None: they are not judged)."""
+        in whose pixels the board's corners are given, for its sharpness and exposure (None: they are not judged).
+        Raises ConfigError for anything else, such as the list that `Detector.boards` returns."""
+        if board is not None:
+            check_of_frame(board, self._wish.image_size)
+        if grey is not None:
+            check_grey(grey, self._wish.image_size)
         if board is None or len(board) < FEWEST_CORNERS:
             self._stillness.lost()
             why = "No board is seen." if board is None else "Too little of the board is seen."
@@ -230,6 +232,24 @@ class Guide:
         if not self._turns:
             known = replace(known, way=None, turn=False)
         return planned(self._wish, known, self._sharp)
+
+
+def check_of_frame(board: Board, image_size: Size, name: str = "board") -> None:
+    """Raise ConfigError unless `board` is one Board of a picture of `image_size` (width, height)."""
+    if isinstance(board, (list, tuple)):
+        raise ConfigError(f"{name} must be one Board or None, not a {type(board).__name__}: give one of its boards")
+    check_board(board, name)
+    if board.image_size != image_size:
+        (w, h), (width, height) = board.image_size, image_size
+        raise ConfigError(f"{name} must be of a picture of {width}×{height} px, not {w}×{h}")
+
+
+def check_grey(grey: Array, image_size: Size, name: str = "grey") -> None:
+    """Raise ConfigError unless `grey` is a grey picture of `image_size` (width, height) with 8 bits."""
+    width, height = image_size
+    if not isinstance(grey, np.ndarray) or grey.shape != (height, width) or grey.dtype != np.uint8:
+        what = f"{grey.shape} {grey.dtype}" if isinstance(grey, np.ndarray) else type(grey).__name__
+        raise ConfigError(f"{name} must be the whole frame in grey, an array ({height}, {width}) of uint8, not {what}")
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,14 +6,14 @@ from __future__ import annotations
 import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from rcdn.calibration.added_pair import SideForecast
-from rcdn.calibration.arguments import check_board
 from rcdn.calibration.coded import Spacing
 from rcdn.calibration.guidance.gates import TAKEN
-from rcdn.calibration.guidance.guide import FEWEST_CORNERS, Guide, Look
+from rcdn.calibration.guidance.guide import FEWEST_CORNERS, Guide, Look, check_grey, check_of_frame
 from rcdn.calibration.guidance.pair_estimate import Moment, PairKnown, pair_learned
 from rcdn.calibration.guidance.pair_progress import BOTH, PairPlan, PairProgress, pair_planned
 from rcdn.calibration.guidance.progress import Known, Plan, Progress, Wish
@@ -24,6 +24,7 @@ from rcdn.errors import ConfigError, present, shown
 from rcdn.types import SQUARES, Array, Board, Plane
 
 SIDES = ("Left", "Right")
+PAIR = "must have the board of the left and of the right picture"
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +85,9 @@ class PairGuide:
     def add_all(self, moments: Mapping[str, Moment]) -> PairProgress:
         """`add` for several moments by name, with a single calibration."""
         for name, boards in moments.items():
-            _check(boards, name)
+            if not _is_pair(boards) or all(b is None for b in boards):
+                raise ConfigError(f"{name} {PAIR}, one of them at least")
+            self._check(boards, name)
         with self._writing:
             self._moments = {**self._moments, **moments}
             return self._replanned()
@@ -99,7 +102,8 @@ class PairGuide:
 
     def look(self, boards: Moment, time: float, greys: Sequence[Array] | None = None) -> PairLook:
         """Judge the boards of the moment `time` s (ascending), None where there is none; `greys`: the frames (H, W)
-        uint8."""
+        uint8 (None: their sharpness and exposure are not judged). Raises ConfigError for anything else."""
+        self._check(boards, "boards", greys)
         plan = self._plan
         both = all(b is not None and len(b) >= FEWEST_CORNERS for b in boards)
         for k, side in enumerate(self._sides):
@@ -111,6 +115,18 @@ class PairGuide:
         if plan.progress.wanted is None:
             return _first(boards, assessments, plan)
         return _later(boards, assessments, plan)
+
+    def _check(self, boards: Moment, name: str, greys: Sequence[Array] | None = None) -> None:
+        """Raise ConfigError unless `boards`, called `name`, and `greys` are those of both cameras."""
+        if not _is_pair(boards):
+            raise ConfigError(f"{name} {PAIR}, None where there is none")
+        if greys is not None and not _is_pair(greys):
+            raise ConfigError("greys must have the frame of the left and of the right camera")
+        for k, (side, board) in enumerate(zip(self._sides, boards, strict=True)):
+            if board is not None:
+                check_of_frame(board, side.wish.image_size, f"{name}[{k}]")
+            if greys is not None:
+                check_grey(greys[k], side.wish.image_size, f"greys[{k}]")
 
     def _replanned(self) -> PairProgress:
         for k, side in enumerate(self._sides):
@@ -126,12 +142,8 @@ class PairGuide:
         return pair_planned(wishes, known, (left.sharp, right.sharp), (left.outlines, right.outlines))
 
 
-def _check(boards: Moment, name: str) -> None:
-    if len(boards) != 2 or all(b is None for b in boards):
-        raise ConfigError(f"{name} must have the board of the left and of the right picture, one of them at least")
-    for board in boards:
-        if board is not None:
-            check_board(board)
+def _is_pair(values: Any) -> bool:
+    return isinstance(values, (tuple, list)) and len(values) == 2
 
 
 def _first(boards: Moment, assessments: Sequence[Look], plan: PairPlan) -> PairLook:
