@@ -42,6 +42,7 @@ IJ = np.array([(i, j) for j in range(3) for i in range(4)])
 XY = IJ * 40.0 + [100, 80] + IJ[:, :1] * IJ[:, 1:]
 BOARD = Board(XY, IJ, (640, 480), np.ones(12), np.zeros(12), "unique")
 CAMERA = Camera([[600, 0, 320], [0, 600, 240], [0, 0, 1]], np.zeros(5), (640, 480))
+ENDLESS = "camera.distortion: its numbers must be finite and within"
 RIG = Rig(("a",), (CAMERA,), (Pose(np.eye(4)),))
 GREY = cv2.resize(np.indices((7, 8)).sum(axis=0).astype(np.uint8) % 2 * 200 + 20, None, fx=20, fy=20, interpolation=0)
 
@@ -219,7 +220,7 @@ def test_spacing_out_of_range(spacing):
     [
         (lambda: estimate_pose(None, CAMERA), "board must be a Board"),
         (lambda: estimate_pose(BOARD, None), "camera must be a Camera"),
-        (lambda: estimate_pose(BOARD, replace(CAMERA, distortion=np.full(5, 1e308))), "camera.distortion"),
+        (lambda: estimate_pose(BOARD, CAMERA.with_parameters(CAMERA.parameters + 1e13 * (np.arange(9) > 3))), ENDLESS),
         (lambda: estimate_pose(BOARD, CAMERA.with_parameters(0 * CAMERA.parameters)), "camera.K: the focal lengths"),
         (lambda: calibrate(BOARD, 0.02), "boards must be a list"),
         (lambda: calibrate([BOARD, None], 0.02), r"boards\[1\] must be a Board"),

@@ -124,8 +124,22 @@ def test_focal_lengths_of_no_camera_are_refused(K):
         Camera(K * np.nan, None, (640, 480))
 
 
+@pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf, 1e13, -1.1e12])
+@pytest.mark.parametrize(("model", "many"), [("brown", 5), ("brown", 4), ("rational", 8), ("fisheye", 4)])
+def test_coefficients_of_no_lens_are_refused(model, many, wrong):
+    K, coefficients = np.diag([500.0, 500, 1]), np.zeros(many)
+    coefficients[-1] = wrong
+    for given in (coefficients, coefficients.tolist(), coefficients[None], coefficients[:, None]):
+        with pytest.raises(RcdnError, match=r"Camera\.distortion: its numbers must be finite and within ±1e\+12, not"):
+            Camera(K, given, (640, 480), model)
+    largest = np.full(many, np.copysign(1e12, wrong))
+    assert np.array_equal(Camera(K, largest, (640, 480), model).distortion, largest)
+
+
 def test_a_solver_may_pass_through_cameras_that_are_none():
     camera = Camera(np.diag([500.0, 500, 1]), None, (640, 480))
+    far = camera.with_parameters(np.append(camera.parameters[:8], 1e13))
+    assert far.distortion.tolist() == [0, 0, 0, 0, 1e13]
     moved = camera.with_parameters(camera.parameters * [-1, 1, 1, 1, 1, 1, 1, 1, 1])
     assert moved.K.tolist() == [[-500, 0, 0], [0, 500, 0], [0, 0, 1]]
     assert not moved.K.flags.writeable

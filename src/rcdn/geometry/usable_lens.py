@@ -6,7 +6,7 @@ import numpy as np
 
 from rcdn.geometry.lens import unproject
 from rcdn.types import Camera
-from rcdn.types.ranges import COEFFICIENT, POSITION, focal_trouble
+from rcdn.types.ranges import POSITION, coefficient_trouble, focal_trouble
 
 ALONG = 9
 """grid points along each side of the frame at which rays are checked"""
@@ -37,8 +37,8 @@ def number_trouble(camera: Camera) -> str:
         return f"K: {trouble}"
     if not (np.abs(K[[0, 0, 1], [1, 2, 2]]) <= POSITION).all():
         return f"K: the principal point and the skew must be within ±{POSITION:g} px"
-    if not (np.abs(camera.distortion) <= COEFFICIENT).all():
-        return f"distortion: its numbers must be finite and within ±{COEFFICIENT:g}, not {camera.distortion.tolist()}"
+    if trouble := coefficient_trouble(camera.distortion):
+        return f"distortion: {trouble}"
     if (found := camera.correction) is not None:
         if not (np.abs(found.control) <= DISPLACED).all():
             return f"correction: its control points must be finite and within ±{DISPLACED:g} focal lengths"

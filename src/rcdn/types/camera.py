@@ -16,7 +16,7 @@ from rcdn.types.arrays import Real
 from rcdn.types.base import Array, Value, freeze
 from rcdn.types.correction import LensCorrection
 from rcdn.types.named import Named
-from rcdn.types.ranges import CHAINED, focal_trouble, is_rigid, whole_size
+from rcdn.types.ranges import CHAINED, coefficient_trouble, focal_trouble, is_rigid, whole_size
 from rcdn.types.shown import deviations, paragraph
 
 CameraModel = Literal["pinhole", "brown", "rational", "fisheye", "division"]
@@ -64,9 +64,12 @@ class Camera(Value):
         self._settle()
         if trouble := focal_trouble(self.K):
             raise RcdnError(f"Camera.K: {trouble}")
+        if trouble := coefficient_trouble(self.distortion):
+            raise RcdnError(f"Camera.distortion: {trouble}")
 
     def _settle(self) -> None:
-        """Freeze the arrays, and raise RcdnError for what can be no camera, except for its focal lengths."""
+        """Freeze the arrays, and raise RcdnError for what can be no camera, except for the ranges of its focal lengths
+        and coefficients."""
         freeze(self, "K", self.K, np.float64, (3,))
         if not isinstance(self.model, str) or self.model not in LENS:
             raise RcdnError(f"Camera.model must be one of {', '.join(LENS)}, not {shown(self.model)}")
@@ -182,7 +185,8 @@ class Camera(Value):
 
     def with_parameters(self, parameters: Array) -> Camera:
         """A camera with these `parameters`, and the same model, size, skew and grid of the correction. Its focal
-        lengths may be out of range, as on the way of a solver. Raises RcdnError as Camera does for all else."""
+        lengths and coefficients may be out of range, as on the way of a solver. Raises RcdnError as Camera does for all
+        else."""
         fx, fy, cx, cy = (float(v) for v in parameters[:4])
         end = len(parameters) if self.correction is None else self.coefficients
         new: dict[str, Any] = {

@@ -90,6 +90,13 @@ def focal_trouble(K: Array) -> str:
     return f"the focal lengths must be {FOCAL[0]:g} to {FOCAL[1]:g} px, not {f[0]:.6g} and {f[1]:.6g}"
 
 
+def coefficient_trouble(distortion: Array) -> str:
+    """The reason why the coefficients `distortion` (N,) of a lens model are out of range; "" if they aren't."""
+    if (np.abs(distortion) <= COEFFICIENT).all():
+        return ""
+    return f"its numbers must be finite and within ±{COEFFICIENT:g}, not {distortion.tolist()}"
+
+
 def in_words(low: float, high: float) -> str:
     """Text of a range for messages; either end may be infinite."""
     if math.isfinite(low) and math.isfinite(high):

@@ -15,7 +15,7 @@ from rcdn.io.cameras.rig import StereoCameras
 from rcdn.io.fields import located, take
 from rcdn.types import Array, Camera, CameraModel
 from rcdn.types.arrays import Real
-from rcdn.types.ranges import whole_size
+from rcdn.types.ranges import coefficient_trouble, whole_size
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,6 +112,8 @@ def make_camera(where: str, K: Array, distortion: Any, size: tuple[int, int], mo
         )
     if not np.isfinite(distortion).all():
         raise FormatError(f"{where}: the distortion must hold finite numbers")
+    if trouble := coefficient_trouble(np.asarray(distortion, float)):
+        raise FormatError(f"{where}: distortion: {trouble}; calibrate it again")
     with located(where):
         whole = whole_size(size, "the image size")
         return usable(Camera(K, np.asarray(distortion, float), whole, model), where)
