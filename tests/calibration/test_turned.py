@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from rcdn.calibration import calibrate
+from rcdn.calibration.one_camera import one_camera
 from rcdn.calibration.turned import turned_pictures
 from rcdn.types import Camera
 from rcdn_lab.camera_scenes import CAMERAS, SPACING, detected, labels, random_boards
@@ -95,6 +96,34 @@ def test_mirrored_pictures_may_be_turned_ones_where_the_principal_point_is_in_th
     assert {change.done for change in found.changes} == {"turned by 180°", "mirrored left to right"}
     assert all(change.done in found.finding for change in found.changes)
     assert found.remedy.startswith("Look which it is")
+
+
+@pytest.mark.parametrize("by", [(14, -9), (30, 20)])
+@pytest.mark.parametrize(("way", "done"), [("turned", "turned by 180°"), ("left to right", "mirrored left to right")])
+def test_changed_pictures_with_other_file_names_are_named(way, done, by):
+    """Their names and their principal point are those of another camera."""
+    boards = random_boards(off_centre("brown", by), 1, 14, noise=NOISE, whole=True)[0]
+    boards = [flipped(b, way) if k >= 7 else b for k, b in enumerate(boards)]
+    names = [f"IMG_{k:04}.png" if k < 7 else f"selfie_{k}.png" for k in range(14)]
+    calibration = calibrate(boards, SPACING, names=names, model="brown")
+    assert one_camera(calibration).by == "names"
+    (told, *_) = calibration.verdict.against
+    assert f"{done} against" in told.sentence
+    assert set(turned_pictures(calibration).names) == set(names[7:])
+
+
+@pytest.mark.parametrize("by", [(-34, 26), (-36, 28)])
+def test_two_cameras_are_not_taken_for_turned_pictures_of_one(by):
+    """Their principal points lie on opposite sides of the middle, so that turning one's pictures makes them more alike:
+    not the same, by their deviations."""
+    cameras = [off_centre("pinhole", (40, -30)), off_centre("pinhole", by)]
+    boards = [b for k in (0, 1) for b in random_boards(cameras[k], k, 8, noise=NOISE, whole=True)[0]]
+    names = [f"cam{k // 8}_{k % 8}.png" for k in range(16)]
+    calibration = calibrate(boards, SPACING, names=names, model="pinhole")
+    assert set(turned_pictures(calibration).names) == set(names[8:])
+    (told, *_) = calibration.verdict.against
+    assert "not of one camera" in told.sentence
+    assert "8 pictures (cam0_*)" in told.sentence
 
 
 def test_turned_pictures_of_a_fisheye_are_named():

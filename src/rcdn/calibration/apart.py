@@ -102,6 +102,11 @@ def significance(groups: Sequence[CameraGroup]) -> Real[Array, " 4"]:
     return np.asarray(np.divide(gaps, std, out=np.zeros(gaps.shape), where=std > 0).max(axis=0))
 
 
+def rms_of(groups: Sequence[CameraGroup]) -> float:
+    """RMS over all `groups`, each under its own camera, px."""
+    return float(np.sqrt(np.average([g.rms**2 for g in groups], weights=[g.views for g in groups])))
+
+
 def apart_by(first: Camera, second: Camera) -> float:
     """Difference of two cameras of one picture size, px, RMS over the picture, after the best rotation; infinite if
     they share no rays."""

@@ -14,7 +14,7 @@ from typing import Literal
 
 import numpy as np
 
-from rcdn.calibration.apart import CameraGroup, apart_by, calibrate_apart, significance
+from rcdn.calibration.apart import CameraGroup, apart_by, calibrate_apart, rms_of, significance
 from rcdn.calibration.groups import FEWEST, describe, name_partitions, natural_order
 from rcdn.calibration.influence import ViewInformation, gains, group_difference, view_information
 from rcdn.errors import RcdnError, two_digits
@@ -239,8 +239,7 @@ def _confirm(calibration: Calibration, suspect: _Suspect, joint: CameraGroup) ->
     if any(g is None for g in groups):
         return None
     kept = sorted((g for g in groups if g is not None), key=lambda g: -g.views)
-    mean = float(np.sqrt(np.average([g.rms**2 for g in kept], weights=[g.views for g in kept])))
-    figures, ratio = bool(significance(kept).max() >= SURE), mean / joint.rms
+    figures, ratio = bool(significance(kept).max() >= SURE), rms_of(kept) / joint.rms
     fits = any(suspect.probability < p and ratio < most for p, most in GROUPED)
     agreed = {"names": figures or ratio < BETTER, "order": figures, "focal length": figures and fits}
     if not agreed[suspect.by]:

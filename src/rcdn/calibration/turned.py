@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rcdn.calibration import robust
-from rcdn.calibration.apart import CameraGroup, apart_by, calibrate_apart, without_correction
+from rcdn.calibration.apart import CameraGroup, apart_by, calibrate_apart, rms_of, significance, without_correction
 from rcdn.calibration.board_points import plane_of, side_of
 from rcdn.calibration.bundle import default_free
 from rcdn.calibration.influence import (
@@ -46,6 +46,11 @@ SURE = 8.0
 STARTS, ROUNDS, SOLVED = 8, 20, 6
 """directions of the principal point from which the search begins, most rounds of each, and how often the camera is
 solved and the search begun again from there"""
+AGREE = 4.0
+"""standard deviations by which the cameras of groups of pictures differ at most, with the change of some undone, if the
+change explains that they differ"""
+EXPLAINED = 0.8
+"""least share, then, of the drop in squared residuals from one camera for all to one for each group"""
 LISTED = 6
 """names of pictures in the finding"""
 
@@ -84,6 +89,17 @@ class TurnedPictures:
     before: float
     views: int
     difference: float
+
+    def explains(self, groups: Sequence[CameraGroup]) -> bool:
+        """Whether the cameras of these `groups` of pictures agree with the change undone, which each underwent as a
+        whole or not at all, and one camera for all then fits about as well as theirs."""
+        names = set(self.names)
+        if any(names & set(g.names) and not names >= set(g.names) for g in groups):
+            return False
+        change = self.changes[0]
+        back = [replace(g, camera=_camera_undone(g.camera, change)) if names >= set(g.names) else g for g in groups]
+        most = self.before**2 - rms_of(groups) ** 2
+        return bool(significance(back).max() < AGREE) and self.before**2 - self.rms**2 >= EXPLAINED * most
 
     @property
     def finding(self) -> str:
@@ -199,6 +215,15 @@ def _negated(camera: Camera, change: Change) -> Real[Array, " p"]:
     out = np.where([flipped.get(name, False) for name in camera.parameter_names], camera.parameters, np.nan)
     out[2:4] -= (np.array(camera.image_size) - 1) / 2
     return out
+
+
+def _camera_undone(camera: Camera, change: Change) -> Camera:
+    """The camera of pictures whose `change` is undone."""
+    negated, parameters = _negated(camera, change), camera.parameters.copy()
+    parameters[2:4] -= np.where(change.flipped, 2 * negated[2:4], 0.0)
+    tangential = np.isfinite(negated[4:])
+    parameters[4:][tangential] *= -1
+    return camera.with_parameters(parameters)
 
 
 def _information(calibration: Calibration, views: Sequence[BoardView]) -> tuple[ViewInformation, Camera]:

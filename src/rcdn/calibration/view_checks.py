@@ -25,8 +25,8 @@ THIRDS = (
 def one_camera(c: Calibration, facts: Facts) -> list[Reason]:
     """Pictures that are turned or mirrored, or groups from different cameras, zooms or focus settings; no reason if the
     views are too few for the test."""
-    found = several.one_camera(c)
-    if (found is None or found.by != "names") and (back := turned.turned_pictures(c)) is not None:
+    found, back = several.one_camera(c), turned.turned_pictures(c)
+    if back is not None and (found is None or found.by != "names" or back.explains(found.groups)):
         return [reason("one_camera", back.difference, "", back.finding, back.remedy)]
     if found is not None:
         return [reason("one_camera", found.difference, "", found.finding, several.REMEDY)]
