@@ -11,6 +11,8 @@ from scipy.spatial.transform import Rotation
 from rcdn.calibration import calibrate, estimate_pose, estimate_rig_pose
 from rcdn.errors import CalibrationError, ConfigError, RcdnError
 from rcdn.geometry import rotation
+from rcdn.geometry.order import turn_labels
+from rcdn.geometry.part import quarter_turns
 from rcdn.types import BoardShape, Camera, Pose, Rig
 from rcdn_lab.camera_scenes import CAMERAS, SPACING, board, random_boards, random_pose, see
 from rcdn_lab.real_boards import uneven_board
@@ -164,6 +166,24 @@ def test_a_shape_is_turned_to_a_board_of_the_transposed_size(size):
     assert found.T_cam_board == pytest.approx(T, abs=1e-8)
     own = estimate_pose(b, BROWN, SPACING, shape=BoardShape(offsets.reshape(rows, columns, 3)))
     assert found.T_cam_board == pytest.approx(own.T_cam_board, abs=1e-8)
+
+
+def test_a_shape_is_turned_to_a_square_board_of_the_other_colours():
+    """It is that of boards with a dark square inside (0, 0), as calibrations label those of an odd number of corners a
+    side."""
+    offsets = np.random.default_rng(1).normal(0, 0.002, (49, 3))
+    (b,), _ = random_boards(BROWN, 4, 1, 0.0, whole=True, offsets=offsets, size=(7, 7))
+    shape, b = BoardShape(offsets.reshape(7, 7, 3)), replace(b, orientation="ambiguous_180", origin_dark=True)
+    bright = replace(b, ij=turn_labels(b.ij, (7, 7), -quarter_turns((7, 7))), origin_dark=False)
+    dark, turned = (estimate_pose(each, BROWN, SPACING, shape=shape) for each in (b, bright))
+    assert max(dark.rms, turned.rms) < 1e-6
+    first = b.ij[(bright.ij == 0).all(axis=1)][0]  # of the corner (0, 0) of `bright`
+    assert turned.t == pytest.approx(dark.R @ [*(first * SPACING), 0] + dark.t, abs=1e-8)
+    for name, boards in {"alone": {"a": bright}, "both": {"a": bright, "b": b}}.items():
+        pair = Rig(tuple(boards), (BROWN,) * len(boards), (Pose(np.eye(4)),) * len(boards))
+        found = estimate_rig_pose(boards, pair, SPACING, shape=shape)
+        assert found.rms < 1e-6, name
+        assert found.residuals.keys() == boards.keys()
 
 
 def test_the_shape_of_a_calibration_with_a_transposed_size_serves_boards_by_their_own_labels():

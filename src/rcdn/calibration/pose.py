@@ -16,7 +16,7 @@ from rcdn.calibration.usable import sigma_of
 from rcdn.errors import CalibrationError, ConfigError
 from rcdn.geometry import unproject
 from rcdn.geometry.order import turn_labels
-from rcdn.geometry.part import quarter_turns
+from rcdn.geometry.part import of_other_colours, quarter_turns
 from rcdn.geometry.rigid import motion, rotation_angle, unit
 from rcdn.types import Array, Board, BoardShape, Camera, Pose, PoseEstimate
 from rcdn.types.arrays import Real
@@ -37,7 +37,7 @@ def estimate_pose(
     `spacing`: side of a square (of a triangle, of a tag), m (default: the translation is in sides). `shape`:
     `Calibration.shape`, for whole boards, in metres: with it, `spacing` must be given, too
     (`Calibration.spacing`); that of boards of the transposed size is turned to `board`'s labels, as by
-    `Board.grid_of`. Starts from both poses that a plane allows (IPPE, Collins & Bartoli 2014), refines them
+    `Board.grid_of`, and that of square boards to one whose square inside (0, 0) is bright. Starts from both poses that a plane allows (IPPE, Collins & Bartoli 2014), refines them
     with corners weighted by sigma and without outliers, and returns the better one; `ambiguous` if the difference is
     not significant. Labels are the board's own: the origin of a partial board is its own first corner,
     that of a board whose codes were read is its target's; `T_cam_target` is then the same pose in the coordinates that
@@ -85,11 +85,11 @@ def pose_corners(board: Board, spacing: float, shape: BoardShape | None) -> tupl
 
 
 def _shape_of(board: Board, shape: BoardShape) -> BoardShape:
-    """`shape` by the labels of the whole `board`: that of boards of the transposed size is turned by a quarter, as
-    `Board.grid_of` turns those. Raises ConfigError if it is that of other boards."""
+    """`shape` by the labels of the whole `board`: that of boards of the transposed size, or of square ones of the other
+    colours, is turned by a quarter, as calibrations turn those. Raises ConfigError if it is that of other boards."""
     if not isinstance(shape, BoardShape):
         raise ConfigError(f"shape must be a BoardShape, as Calibration.shape is, not {type(shape).__name__}")
-    if board.pattern == "checker" and board.size == shape.size:
+    if board.pattern == "checker" and board.size == shape.size and not of_other_colours(board, True):
         return shape
     if board.pattern != "checker" or board.target is not None or board.size != shape.size[::-1]:
         raise ConfigError(

@@ -74,7 +74,7 @@ def _labelled_alike(boards: Mapping[str, Board]) -> dict[str, Board]:
         if board.target is None and _same(board, largest):
             labels = labels_of(board, largest.size, largest.origin_dark)
             if labels is not None and not np.array_equal(labels, board.ij - board.ij.min(axis=0)):
-                out[name] = replace(board, ij=labels)
+                out[name] = replace(board, ij=labels, origin_dark=largest.origin_dark)
     return out
 
 

@@ -50,7 +50,7 @@ def labels_of(board: Board, size: Size, dark: bool | None) -> Int[Array, "m 2"] 
     if not len(board):
         return None
     own = np.asarray(board.ij - board.ij.min(axis=0))
-    if board.size == size and not _of_other_colours(board, dark):
+    if board.size == size and not of_other_colours(board, dark):
         return own
     if board.pattern != "checker":  # a deltille has no end that could be seen, and no quarter turns
         return None
@@ -59,7 +59,7 @@ def labels_of(board: Board, size: Size, dark: bool | None) -> Int[Array, "m 2"] 
     return None if board.target is not None else _place_of(board, size, dark)
 
 
-def _of_other_colours(board: Board, dark: bool | None) -> bool:
+def of_other_colours(board: Board, dark: bool | None) -> bool:
     """Whether a plain `board` is a square one that a quarter turn brings to the colours `dark`."""
     columns, rows = board.size
     known = dark is not None and board.origin_dark is not None and board.target is None
