@@ -18,7 +18,7 @@ if find_spec("jaxtyping") and find_spec("beartype") and os.environ.get("RCDN_SHA
 
     shape_checks.install()
 
-gc.disable()  # all that is made while tests are collected stays; to go through it again and again is a third of the time
+gc.disable()  # what is made while tests are collected stays; to search it for garbage takes a third of the time
 
 settings.register_profile("fixed", derandomize=True)  # the same examples in every run
 settings.load_profile("fixed")

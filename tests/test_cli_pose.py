@@ -159,6 +159,35 @@ def test_boards_of_other_targets_than_the_told_one_have_no_pose(scene):
     assert (result.exit_code, len(poses())) == (0, 1)
 
 
+@pytest.mark.parametrize("change", [{"first_id": 40}, {"inverted": True}], ids=str)
+def test_boards_that_begin_elsewhere_or_are_inverted_are_of_another_target(scene, change):
+    boards, _, pose = scene
+    other = coded(boards[1], replace(CHARUCO, **change))
+    result = pose(save("found.json", [coded(boards[0], CHARUCO)], [other]), "--target", TARGET)
+    assert [record["path"] for record in poses()] == ["0.png"]
+    assert f"left out: 1.png: it shows another target: {other.target}" in result.stderr
+
+
+def test_a_length_for_the_told_kind_alone_places_no_other_boards(scene):
+    boards, _, pose = scene
+    found = save("found.json", [coded(boards[0], CHARUCO)], [boards[1]])
+    result = pose(found, "--target", TARGET, spacing=f"charuco={SPACING}")
+    assert result.exit_code == 0, result.output
+    assert [record["path"] for record in poses()] == ["0.png"]
+    assert "left out: 1.png: its codes were not read" in result.stderr
+
+
+def test_what_holds_no_picture_or_boards_of_other_sizes_is_told(scene):
+    boards, _, pose = scene
+    write_detections("none.json", (), ())
+    result = pose("none.json")
+    assert result.exit_code == 1
+    assert "no pose: there are no pictures in what was given" in result.stderr
+    result = pose(save("found.json", [boards[0]]), "--board", "5x5")
+    assert "5×5" in result.stderr
+    assert "partial" not in result.stderr
+
+
 def test_a_board_whose_own_length_is_named_has_a_pose_beside_a_told_target(scene):
     boards, truth, pose = scene
     found = save("found.json", [coded(boards[0], CHARUCO)], [boards[1]])

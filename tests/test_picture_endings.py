@@ -15,7 +15,7 @@ from rcdn.io.files import PICTURE_ENDINGS, UNREAD_ENDINGS, VIDEO_ENDINGS
 
 GREY = np.add.outer(np.arange(48), 2 * np.arange(64)).astype(np.uint8)
 """a smooth picture, (48, 64) uint8"""
-BY_OPENCV = {"dib": ".bmp", "pnm": ".pnm", "pam": ".pam", "ras": ".ras", "sr": ".sr", "pgm": ".pgm", "jpe": ".jpe"}
+BY_OPENCV = {"dib": ".bmp", "pnm": ".pnm", "pgm": ".pgm", "jpe": ".jpe"}
 """by ending: the format that OpenCV writes by that name"""
 BY_PIL = {
     "jfif": "JPEG", "jfi": "JPEG", "jif": "JPEG", "jpe": "JPEG", "mpo": "MPO",
@@ -33,7 +33,7 @@ def by_pil(ending, format):
 
 
 def by_opencv(ending):
-    colours = GREY if ending in ("pgm", "dib", "pam") else np.dstack([GREY] * 3)  # Sun's greys are palettes
+    colours = GREY if ending in ("pgm", "dib") else np.dstack([GREY] * 3)
     return cv2.imencode(BY_OPENCV[ending], colours)[1].tobytes()
 
 

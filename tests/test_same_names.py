@@ -9,7 +9,7 @@ import pytest
 
 import detector_stand_in as stand_in
 from rcdn.batch.inputs import gather
-from rcdn.batch.same_names import same_corners
+from rcdn.batch.same_names import distinct, same_corners
 from rcdn.config import DetectorConfig
 from rcdn.io import ImageResult, write_detections
 from rcdn.terminal import console
@@ -98,6 +98,36 @@ def test_a_picture_beside_other_corners_saved_under_its_name_is_told(home):
     (note,) = got.notes
     assert note.startswith("a.json: 1 picture that has other corners there than in the picture itself counts once")
     assert found("a.json", "1.png").notes == got.notes
+
+
+def scattered(count, seed=0, of=40):
+    """An image of single corners: the first `count` of some `of` at random places."""
+    xy = np.random.default_rng(seed).uniform(0, 640, (of, 2))[:count]
+    return ImageResult("1.png", 640, 640, Corners(xy, np.ones(count), np.zeros(count)), ())
+
+
+def test_few_of_the_same_corners_are_the_same_picture():
+    assert same_corners(scattered(40), scattered(6))
+    assert not same_corners(scattered(40), scattered(5))
+    assert not same_corners(scattered(40), scattered(40, seed=1))
+
+
+def test_of_many_images_each_that_differs_counts_once():
+    files = [(Path("a.json"), scattered(30 + k % 3, seed=k % 20)) for k in range(60)]
+    got = distinct(files)
+    assert len(got.images) == 20
+    assert len({image.path for image in got.images}) == 20
+
+
+def test_the_first_file_of_a_name_says_where_its_picture_may_lie(home):
+    Path("b").mkdir()
+    write_detections("a.json", [seen("1.png", (5, 6)), seen("2.png", (20, 9))])
+    write_detections("b/b.json", [seen("1.png", (40, 8)), seen("2.png", (20, 9))])
+    there = {"1.png": Path("b"), "2.png": Path("b"), "a.json/1.png": Path()}
+    assert found("b/b.json", "a.json").saved == there
+    assert found("a.json", "b/b.json").saved == {"1.png": Path(), "2.png": Path(), "b/b.json/1.png": Path("b")}
+    stand_in.picture(Path("2.png"))
+    assert found("b/b.json", "a.json", "2.png").saved == {k: v for k, v in there.items() if k != "2.png"}
 
 
 def test_corners_are_the_same_within_a_pixel_and_by_half():

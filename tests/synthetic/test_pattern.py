@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rcdn.synthetic import BoardSpec
-from rcdn.synthetic.pattern import sheet
+from rcdn.synthetic.pattern import F32, sheet
 
 POSE = ((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
 
@@ -97,3 +97,66 @@ def test_markers_stay_inside_white_squares():
     assert (coded[~dark & (rim < 0.34) & (rim > 0.25)] < 1e-4).all()  # the frame
     inner = coded[~dark & (rim < 0.22)]
     assert 0.1 < inner.mean() < 0.9
+
+
+# ---- the kernel computes what these say, bit by bit
+
+
+def pulsed(u, width, duty):
+    """Share of a footprint inside [2n + (1−duty)/2, 2n + (1+duty)/2], n any integer."""
+
+    def integral(x):
+        x = x - F32((1 - duty) / 2)
+        n = np.floor(x * F32(0.5))
+        return n * F32(duty) + np.clip(x - 2 * n, 0, F32(duty))
+
+    return (integral(u + width * F32(0.5)) - integral(u - width * F32(0.5))) / width
+
+
+def within(u, width, low, high):
+    a, b = np.maximum(u - width * F32(0.5), F32(low)), np.minimum(u + width * F32(0.5), F32(high))
+    return np.maximum(b - a, 0) / width
+
+
+def inked(spec, u, v):
+    """Where markers have ink: a border, and modules by a hash of their place."""
+    n = spec.coded + 2
+    cells = [np.floor(w).astype(np.int64) for w in (u, v)]
+    modules = [np.floor((w - np.floor(w) - F32(0.15)) / F32(0.7) * n).astype(np.int64) for w in (u, v)]
+    at_border = np.any([(m == 0) | (m == n - 1) for m in modules], axis=0)
+    key = np.zeros(u.shape, np.int64)
+    for part, factor in zip(cells + modules, (73856093, 19349663, 83492791, 49979693), strict=True):
+        key ^= part * factor
+    white = ((key * 2654435761) >> 13) & 1
+    return np.all([(m >= 0) & (m < n) for m in modules], axis=0) & (at_border | (white == 0))
+
+
+def printed(spec, u, v, wu, wv):
+    duty = 1 - 2 * spec.bleed
+    odd, even = ([pulsed(w + k, width, duty) for w, width in ((u, wu), (v, wv))] for k in (0, 1))
+    dark = odd[0] * even[1] + even[0] * odd[1] if spec.swap else odd[0] * odd[1] + even[0] * even[1]
+    dark = np.clip(dark, 0, 1)
+    value = F32(spec.white) + F32(spec.black - spec.white) * dark
+    if spec.coded:
+        value = np.where(inked(spec, u, v) & (dark < 0.5), F32(spec.black), value)
+    for i, j, paint in spec.painted:
+        share = within(u, wu, i - 1, i) * within(v, wv, j - 1, j)
+        value = value * (1 - share) + F32(paint) * share
+    inside = within(u, wu, -1, spec.cols) * within(v, wv, -1, spec.rows)
+    value = value * inside + F32(spec.margin_value) * (1 - inside)
+    m = spec.margin
+    return value, within(u, wu, -1 - m, spec.cols + m) * within(v, wv, -1 - m, spec.rows + m)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_the_kernel_gives_these_bytes(seed):
+    rng = np.random.default_rng(seed)
+    spec = plain(
+        int(rng.integers(2, 12)), int(rng.integers(2, 12)), black=rng.uniform(), white=rng.uniform(),
+        margin=rng.uniform(0, 2), margin_value=rng.uniform(), swap=bool(rng.integers(2)), bleed=rng.uniform(-0.3, 0.3),
+        coded=int(rng.integers(7)), painted=tuple(map(tuple, rng.uniform(0, 6, (rng.integers(4), 3)).tolist())),
+    )  # fmt: skip
+    u, v = rng.uniform(-5, 15, (2, 40, 31)).astype(F32)
+    wu, wv = (10 ** rng.uniform(-6, 0.7, (2, 40, 31))).astype(F32)
+    for ours, theirs in zip(sheet(spec, u, v, wu, wv), printed(spec, u, v, wu, wv), strict=True):
+        np.testing.assert_array_equal(ours, theirs)

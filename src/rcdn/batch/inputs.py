@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
@@ -223,19 +222,9 @@ class _Run:
             tuple(self.failures),
             (*self._notes, *images.notes),
             tuple(kept),
-            {**self._saved_only(), **images.folders},
+            images.folders,
             sum(len(video.examined) for video in self._videos.values()),
         )
-
-    def _saved_only(self) -> dict[str, Path]:
-        read = {os.path.abspath(image.path) for index in self.shot for image in self._images[index]}
-        return {
-            image.path: path.parent
-            for index, path in enumerate(self.paths)
-            if index not in self.shot
-            for image in self._images[index]
-            if os.path.abspath(image.path) not in read
-        }
 
     def _keep_views(self, index: int, video: _Video) -> tuple[int, ...]:
         from rcdn.calibration.frames import choose_views

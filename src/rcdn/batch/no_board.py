@@ -67,8 +67,9 @@ def _legacy(text: str) -> bool:
 def may_be(text: str, kind: str) -> bool:
     """Whether a board read as `text` may be of the target `kind`: a part of a board has unknown sides, `8x?`. Which
     layout a ChArUco board has doesn't count."""
-    words = zip(*([word for word in t.split() if word != "legacy"] for t in (text, kind)), strict=False)
-    return bool(text) and all(fnmatchcase(word, read.replace("?", "*")) for read, word in words)
+    read, wanted = ([word for word in t.split() if word != "legacy"] for t in (text, kind))
+    same = (fnmatchcase(word, part.replace("?", "*")) for part, word in zip(read, wanted, strict=False))
+    return len(read) == len(wanted) and all(same)
 
 
 def note_target(wanted: str | Target, got: Gathered) -> None:

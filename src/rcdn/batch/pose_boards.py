@@ -95,6 +95,8 @@ class PoseBoards:
 
     def nothing(self) -> str:
         """Why no board is placed."""
+        if not self.images:
+            return "there are no pictures in what was given"
         if hint := size_hint_of(self.images, self._size):
             return hint
         found = [(image.path, board) for image in self.images for board in image.boards]
@@ -102,11 +104,16 @@ class PoseBoards:
             return "no board was found in the pictures; see what `rcdn detect PICTURES --overlay DIR` draws"
         if self._size is None or not any(self._of_target(board) for _, board in found):
             return f"none of {many(len(found), 'board')} in the pictures is known to be of the target {self._target}"
-        some = [f"{board_text(brief_board(b), self._size)} in {one_line(path)}" for path, b in found[:NAMED]]
+        some = [f"{self._text(board)} in {one_line(path)}" for path, board in found[:NAMED]]
         return (
             f"no whole {size_text(self._size)} board was found: {', '.join(some)}{', …' if found[NAMED:] else ''}; of "
             "boards of a given size only whole ones have a pose, since of a part it isn't known which it is"
         )
+
+    def _text(self, board: Board) -> str:
+        """The board, as a part of one of the given size if it can be."""
+        part = self._size is not None and _fits(board.size, self._size)
+        return board_text(brief_board(board), self._size if part else None)
 
     def _left_out(self) -> Iterator[tuple[str, str]]:
         """(names of pictures, reason) of the boards that aren't placed."""
@@ -136,7 +143,8 @@ class PoseBoards:
 
         if isinstance(self._target, str):
             return True
-        if isinstance(self._length, Lengths) and kind_of(board) != self._target.kind:
+        kind = kind_of(board)
+        if isinstance(self._length, Lengths) and kind in self._length and kind != self._target.kind:
             return True
         return board.target is not None and may_be(str(board.target), str(self._target))
 

@@ -44,7 +44,7 @@ def tell_poses(
             continue
         console.print_line(line)
         records.append(record)
-    if not tried and boards.images:
+    if not tried and (boards.images or not failed):
         print_error(f"no pose: {boards.nothing()}")
     if json is not None:
         lines = ",\n".join(json_module.dumps(r) for r in records)

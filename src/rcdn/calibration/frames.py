@@ -27,8 +27,8 @@ THUMB, SMOOTH = (16, 12), 1.5
 """(width, height) of the thumbnails that are compared, and the sigma of their smoothing, so that they change gradually
 as a board moves"""
 NEAR, SHARP = 0.23, 0.7
-"""a frame is sharp if its energy is at least SHARP × the largest within NEAR seconds of it, in which a board moves little;
-frames further apart may show it nearer or farther"""
+"""a frame is sharp if its energy is at least SHARP × the largest within NEAR seconds of it, in which a board moves
+little; frames further apart may show it nearer or farther"""
 SAME = 0.02
 """share of a thumbnail's mean: frames that differ by less show the same"""
 ALIKE = 0.004

@@ -35,15 +35,15 @@ def estimate_pose(
     """`T_cam_board` of `board` under `camera`: the pose of its corner (0, 0), its columns (x), rows (y) and back (z).
 
     `spacing`: side of a square (of a triangle, of a tag), m (default: the translation is in sides). `shape`:
-    `Calibration.shape`, for whole boards, in metres: with it, `spacing` must be given, too
-    (`Calibration.spacing`); that of boards of the transposed size is turned to `board`'s labels, as by
-    `Board.grid_of`, and that of square boards to one whose square inside (0, 0) is bright. Starts from both poses that a plane allows (IPPE, Collins & Bartoli 2014), refines them
-    with corners weighted by sigma and without outliers, and returns the better one; `ambiguous` if the difference is
-    not significant. Labels are the board's own: the origin of a partial board is its own first corner,
-    that of a board whose codes were read is its target's; `T_cam_target` is then the same pose in the coordinates that
-    the target's own tools use.
-    Raises CalibrationError if fewer than 4 corners, or only corners in one line, have viewing rays, and ConfigError for
-    a camera of another picture size than the board's, and for a `shape` without a `spacing`.
+    `Calibration.shape`, for whole boards, in metres: with it, `spacing` must be given, too (`Calibration.spacing`);
+    that of boards of the transposed size is turned to `board`'s labels, as by `Board.grid_of`, and that of square
+    boards to one whose square inside (0, 0) is bright. Starts from both poses that a plane allows (IPPE, Collins &
+    Bartoli 2014), refines them with corners weighted by sigma and without outliers, and returns the better one;
+    `ambiguous` if the difference is not significant. Labels are the board's own: the origin of a partial board is its
+    own first corner, that of a board whose codes were read is its target's; `T_cam_target` is then the same pose in the
+    coordinates that the target's own tools use. Raises CalibrationError if fewer than 4 corners, or only corners in one
+    line, have viewing rays, and ConfigError for a camera of another picture size than the board's, and for a `shape`
+    without a `spacing`.
     """
     side = side_of_square(spacing, shape)
     check_board(board)

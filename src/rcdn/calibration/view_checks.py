@@ -22,12 +22,18 @@ THIRDS = (
 )
 
 
+OR_ANOTHER = "If they are of another camera, whose names differ, calibrate each group by itself."
+"""what else to do about turned pictures whose file names differ from the others'"""
+
+
 def one_camera(c: Calibration, facts: Facts) -> list[Reason]:
     """Pictures that are turned or mirrored, or groups from different cameras, zooms or focus settings; no reason if the
     views are too few for the test."""
     found, back = several.one_camera(c), turned.turned_pictures(c)
-    if back is not None and (found is None or found.by != "names" or back.explains(found.groups)):
-        return [reason("one_camera", back.difference, "", back.finding, back.remedy)]
+    by_names = found is not None and found.by == "names"
+    if back is not None and (found is None or not by_names or back.explains(found.groups)):
+        remedy = f"{back.remedy} {OR_ANOTHER}" if by_names else back.remedy
+        return [reason("one_camera", back.difference, "", back.finding, remedy)]
     if found is not None:
         return [reason("one_camera", found.difference, "", found.finding, several.REMEDY)]
     if len(c.used_views) < several.ENOUGH:

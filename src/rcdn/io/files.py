@@ -17,16 +17,15 @@ def _endings(text: str) -> frozenset[str]:
 
 
 PICTURE_ENDINGS = _endings(
-    "png jpg jpeg jpe jfif jfi jif mpo bmp dib tif tiff webp pgm ppm pbm pnm pam ras sr jp2 jpx jpf j2k j2c jpc "
-    "heic heif hif avif"
+    "png jpg jpeg jpe jfif jfi jif mpo bmp dib tif tiff webp pgm ppm pbm pnm jp2 jpx jpf j2k j2c jpc heic heif hif avif"
 )
 _RAW = _endings(
     "3fr arw cr2 cr3 crw dcr dng erf fff gpr iiq kdc mef mos mrw nef nrw orf pef raf raw rw2 rwl sr2 srf srw x3f"
 )
-UNREAD_ENDINGS = _RAW | _endings("exr gif jxl pcx psd tga")
+UNREAD_ENDINGS = _RAW | _endings("exr gif jxl pam pcx psd ras sr tga")
 """endings of pictures that folders may hold and that aren't looked for: raw formats of cameras, others that OpenCV
 doesn't read, and GIF"""
-VIDEO_ENDINGS = _endings("mp4 m4v avi mov mkv webm mts m2ts mpg mpeg wmv 3gp")
+VIDEO_ENDINGS = _endings("mp4 m4v avi mov mkv webm m2ts mpg mpeg wmv 3gp")
 
 STDOUT = Path("-")
 """standard output in place of an output file (a file of that name can be given by its absolute path)"""

@@ -120,7 +120,7 @@ class PairGuide:
         """Raise ConfigError unless `boards`, called `name`, and `greys` are those of both cameras."""
         if not _is_pair(boards):
             raise ConfigError(f"{name} {PAIR}, None where there is none")
-        if greys is not None and not _is_pair(greys):
+        if greys is not None and not (_is_pair(greys) or (isinstance(greys, np.ndarray) and len(greys) == 2)):
             raise ConfigError("greys must have the frame of the left and of the right camera")
         for k, (side, board) in enumerate(zip(self._sides, boards, strict=True)):
             if board is not None:
