@@ -1,5 +1,7 @@
 """Other readers of codes: their numbers and pixels are brought to ours, as rendered boards show."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -33,7 +35,7 @@ def test_readers_give_the_numbers_of_the_truth(name, drawing, target):
     if peer.missing():
         pytest.skip(str(peer.missing()))
     assert peer.reads(target)
-    known = Scene(**(vars(FRAME) | {"boards": (posed(drawing, FRAME.camera, (10, 10, 789, 589), 0.3, 0.7, 0.4),)}))
+    known = replace(FRAME, boards=(posed(drawing, FRAME.camera, (10, 10, 789, 589), 0.3, 0.7, 0.4),))
     truth = drawing_truth(drawing, known)
     place = dict(zip(truth.ids.tolist(), truth.xy, strict=True))
     (board,) = peer.load()(render_drawing(drawing, known), target)

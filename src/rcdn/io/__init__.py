@@ -18,7 +18,8 @@ from rcdn.io.formats import (
 from rcdn.io.images import as_grey, colour_frames, frames, grey_of, read_image, read_pixels, write_image
 
 if TYPE_CHECKING:
-    from rcdn.io.calibration import read_calibration, read_calibrations, read_stereo_calibration, write_calibration
+    from rcdn.io.calibration import read_calibration, read_stereo_calibration, write_calibration
+    from rcdn.io.calibrations import read_calibrations
     from rcdn.io.cameras import (
         CameraFormat,
         LensFit,
@@ -97,7 +98,8 @@ __all__ = [
 ]
 
 _HOMES = {
-    "calibration": ("read_calibration", "read_calibrations", "read_stereo_calibration", "write_calibration"),
+    "calibration": ("read_calibration", "read_stereo_calibration", "write_calibration"),
+    "calibrations": ("read_calibrations",),
     "cameras": (
         "CameraFormat",
         "LensFit",

@@ -36,7 +36,7 @@ from rcdn.types.target import target_of, target_record
 MOST_ID = 10**9
 ROUNDING = 1e-6
 """tolerance for rounding errors of correlations"""
-_KINDS = {Calibration: "calibration", StereoCalibration: "stereo calibration"}
+KINDS = {Calibration: "calibration", StereoCalibration: "stereo calibration"}
 
 
 def write_calibration(path: str | Path, found: Calibration | StereoCalibration) -> None:
@@ -45,7 +45,7 @@ def write_calibration(path: str | Path, found: Calibration | StereoCalibration) 
     The same input gives the same bytes. Unknown numbers (NaN) are written as null. Raises OutputError as `write_text`.
     """
     record = calibration_record(found) if isinstance(found, Calibration) else _stereo_record(found)
-    write_text(path, ours.to_text(_KINDS[type(found)], record))
+    write_text(path, ours.to_text(KINDS[type(found)], record))
 
 
 def read_calibration(path: str | Path) -> Calibration:
@@ -72,21 +72,6 @@ def read_stereo_calibration(path: str | Path) -> StereoCalibration:
     verdict = verdict_of(data, where)
     with located(where):
         return StereoCalibration(left, right, T, cov, rms, epipolar, *rectified, advice, verdict, given)
-
-
-def read_calibrations(path: str | Path) -> dict[str, Calibration]:
-    """The calibrations in a file by name: `camera`, `left` and `right` of a pair, or those of a rig's cameras; none if
-    `path` isn't a calibration of rcdn, but a camera file of any format. Raises FormatError as `read_calibration`."""
-    from rcdn.io.rig_calibration import read_rig_members
-
-    text = read_text(path)
-    kind = next((k for k in (*_KINDS.values(), "rig") if f'"kind": "{k}"' in text[:200]), None)
-    if kind == _KINDS[Calibration]:
-        return {"camera": read_calibration(path)}
-    if kind == _KINDS[StereoCalibration]:
-        pair = read_stereo_calibration(path)
-        return {"left": pair.left, "right": pair.right}
-    return {} if kind is None else read_rig_members(path)
 
 
 # ---- values → JSON
