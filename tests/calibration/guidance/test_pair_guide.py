@@ -343,6 +343,12 @@ def test_a_moment_is_judged_by_a_board_and_a_frame_of_each_camera(started, seen,
         started.look(seen(*moment(wanted_pose(started))), 900.0, greys)
 
 
+def test_both_frames_may_be_one_array(started):
+    seen, frames = moment(wanted_pose(started)), np.zeros((2, 480, 640), np.uint8)
+    together, apart = (started.look(seen, 900.0, greys) for greys in (frames, list(frames)))
+    assert repr(together) == repr(apart)
+
+
 def test_a_moment_of_another_picture_size_is_refused():
     guide = PairGuide((BROWN.image_size, BROWN.image_size), SPACING)
     left, right = moment(BEGIN)
