@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rcdn.geometry import apply_homography, homography, project, transform
-from rcdn.geometry.division import Division, division_of
+from rcdn.geometry.division import EXACT, Division, _least, _residuals, division_of
 from rcdn.types import Camera, Pose
 
 SIZE = (640, 480)
@@ -71,3 +71,27 @@ def test_no_lens_is_seen_where_none_is():
 
 def test_too_few_points_show_no_lens():
     assert division_of(PLANE[:11], PLANE[:11], SIZE) is None
+
+
+def test_residuals_are_those_of_the_best_homography_under_each_coefficient():
+    pinhole = Camera([[300.0, 0, 319.5], [0, 300, 239.5], [0, 0, 1]], [], SIZE, "pinhole")
+    middle = np.array([319.5, 239.5])
+    xy = Division(-0.7, middle, 400.0).distorted(seen(pinhole)) + np.random.default_rng(4).normal(0, 2, PLANE.shape)
+    tried = np.array([-0.9, -0.3, 0.0, 0.2])
+    expected = [residual(Division(c, middle, 400.0), xy) / 400 for c in tried]
+    np.testing.assert_allclose(_residuals(tried, PLANE, (xy - middle) / 400), expected, rtol=1e-9)
+
+
+def test_where_the_lens_shows_nothing_there_is_no_residual():
+    inward = np.array([[0.0, 0.0], [1, 0], [0, 1], [1, 1]])
+    assert _residuals(np.array([-2.0]), inward, np.ones((4, 2)) * np.nan) == [np.inf]
+    wide = _residuals(np.array([0.0, 5.0]), PLANE, PLANE / 8)  # 1 − 4 c r² is negative at the rim
+    assert wide[0] < 1e-12
+    assert wide[1] == np.inf
+
+
+@pytest.mark.parametrize("least", [0.0, 0.1, 0.731, 1.0])
+def test_golden_sections_find_the_least_value_of_an_interval(least):
+    at, value = _least(lambda tried: np.abs(tried - least), 0.0, 1.0)
+    assert abs(at - least) <= EXACT
+    assert value == abs(at - least)

@@ -18,7 +18,7 @@ from rcdn import geometry, native
 from rcdn.config import DetectorConfig
 from rcdn.detector import Detector
 from rcdn.errors import RcdnError
-from rcdn.geometry import elementary, polygon
+from rcdn.geometry import division, elementary, polygon
 from rcdn.native import bind
 from rcdn.synthetic import Background, BoardSpec, Scene, render
 from rcdn.targets.families import families
@@ -101,6 +101,7 @@ def use_the_package():
     use_calibration(ij, xy)
     symmetry._room.__wrapped__(5)
     rectify.grid_with_ring(board)
+    division.division_of(ij.astype(float), xy, (grey.shape[1], grey.shape[0]))
     fragments._quads(xy)
     shown = np.zeros((3, 4, 6, 6))
     gains.MarkedSquares(shown, np.indices((3, 4)).sum(axis=0) % 2 == 0, np.ones((3, 4), bool), 1).most_evidence(

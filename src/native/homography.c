@@ -1,4 +1,5 @@
-/* Homography by the normalised DLT (Hartley 1997). See rcdn.geometry.homography. */
+/* Homographies by the normalised DLT (Hartley 1997), and the distortion of a lens that is seen beside one. See
+ * rcdn.geometry.homography and rcdn.geometry.division. */
 #include "kernel.h"
 
 enum { UNKNOWNS = 9, ROWS = 64, SWEEPS = 30 };
@@ -94,8 +95,7 @@ INLINE void shortest(double a[UNKNOWNS][UNKNOWNS], double *out) {
 }
 
 /* H (3, 3) that maps `from` (count, 2) to `to` (count, 2). Returns 0 if these are not finite. */
-FAST_KERNEL(rcdn_homography, (SIZE, count, from, 0), (IN, double, from, count, 2), (IN, double, to, count, 2),
-            (OUT, double, out, 3, 3)) {
+INLINE int homography(index_t count, const double *from, const double *to, double *out) {
     double mean[2], other[2], scale, size, a[UNKNOWNS][ROWS + UNKNOWNS], upper[UNKNOWNS][UNKNOWNS], h[UNKNOWNS] = {0};
     if (!(normaliser(count, from, mean, &scale) & normaliser(count, to, other, &size)))
         return 0;
@@ -128,5 +128,42 @@ FAST_KERNEL(rcdn_homography, (SIZE, count, from, 0), (IN, double, from, count, 2
         out[3 + c] = h[3 + c] / size + other[1] * h[6 + c];
         out[6 + c] = h[6 + c];
     }
+    return 1;
+}
+
+/* H (3, 3) that maps `from` (count, 2) to `to` (count, 2). Returns 0 if these are not finite. */
+FAST_KERNEL(rcdn_homography, (SIZE, count, from, 0), (IN, double, from, count, 2), (IN, double, to, count, 2),
+            (OUT, double, out, 3, 3)) {
+    return homography(count, from, to, out);
+}
+
+/* Root mean square distance of points `off` (count, 2) from those of the `plane` (count, 2) under the best homography and
+ * the division model with coefficient `c`; infinite where there is none. `flat` (count, 2): workspace. */
+INLINE double division_residual(index_t count, const double *plane, const double *off, double c, double *flat) {
+    double H[9], sum = 0;
+    for (index_t k = 0; k < count; k++) {
+        const double x = off[2 * k], y = off[2 * k + 1], factor = 1 + c * (x * x + y * y);
+        flat[2 * k] = x / factor;
+        flat[2 * k + 1] = y / factor;
+    }
+    if (!homography(count, plane, flat, H))
+        return INFINITY;
+    for (index_t k = 0; k < count; k++) {
+        const double *p = plane + 2 * k, depth = H[6] * p[0] + H[7] * p[1] + H[8];
+        const double x = (H[0] * p[0] + H[1] * p[1] + H[2]) / depth, y = (H[3] * p[0] + H[4] * p[1] + H[5]) / depth;
+        const double stretch = 2 / (1 + sqrt(1 - 4 * c * (x * x + y * y))); /* NaN where the lens shows nothing */
+        const double dx = off[2 * k] - stretch * x, dy = off[2 * k + 1] - stretch * y;
+        sum += dx * dx + dy * dy;
+    }
+    const double size = sqrt(sum / count);
+    return size < INFINITY ? size : INFINITY;
+}
+
+/* The same of each of the `coefficients` (tried). */
+FAST_KERNEL(rcdn_division_residuals, (SIZE, count, plane, 0), (SIZE, tried, coefficients, 0),
+            (IN, double, coefficients, tried), (IN, double, plane, count, 2), (IN, double, off, count, 2),
+            (ROOM, double, room, 2 * count), (OUT, double, out, tried)) {
+    for (index_t k = 0; k < tried; k++)
+        out[k] = division_residual(count, plane, off, coefficients[k], room);
     return 1;
 }

@@ -119,7 +119,7 @@ class _Lattice:
             gap = 0.0 if plane is None else plane.of_pixels(self.xy)[0] - self.labels
             lens = None
             if np.sqrt(2 * np.square(gap).mean()) > CURVED:
-                lens = division_of(self.labels.astype(float), self.xy, (shape[1], shape[0]), 1)
+                lens = division_of(self.labels.astype(float), self.xy, (shape[1], shape[0]))
             self._frames[1] = None if lens is None else _Frame.of(self, lens)
         return self._frames[1]
 

@@ -7,11 +7,12 @@ distortion, and can be found from the corners of one board beside its homography
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from rcdn.geometry.homography import apply_homographies, homography
+from rcdn.native import bind
 from rcdn.types import Array
 from rcdn.types.arrays import Bool, Real
 
@@ -20,9 +21,12 @@ FEWEST = 12
 BETTER = 0.4
 """largest residual with the coefficient, as a share of that of a homography alone,
 with which a lens is seen to distort"""
-RANGE, STEPS, ROUNDS = (-0.97, 0.4), 25, 3
-"""coefficients that are tried, times the square of the outermost point's radius; how many, and how often again between
-the neighbours of the best"""
+RANGE, STEPS, EXACT = (-0.97, 0.4), 25, 3e-5
+"""coefficients that are tried, times the square of the outermost point's radius; how many; and the width of the
+interval around the best of them at which its golden sections end"""
+GOLDEN = (5**0.5 - 1) / 2
+
+_division_residuals = bind("rcdn_division_residuals")
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,28 +61,42 @@ class Division:
         return np.asarray(out * self.scale + self.middle)
 
 
-def division_of(
-    plane: Real[Array, "n 2"], xy: Real[Array, "n 2"], image_size: tuple[int, int], rounds: int = ROUNDS
-) -> Division | None:
+def division_of(plane: Real[Array, "n 2"], xy: Real[Array, "n 2"], image_size: tuple[int, int]) -> Division | None:
     """The distortion seen in points `xy` (N, 2) px of a `plane` (N, 2); None where a homography alone explains them
-    nearly as well, or they are too few.
-
-    `image_size` (width, height) px; `rounds`: how often the best coefficient is refined.
-    """
+    nearly as well, or they are too few. `image_size` (width, height) px."""
     if len(xy) < FEWEST:
         return None
     middle, scale = (np.array(image_size) - 1) / 2, float(np.hypot(*image_size)) / 2
     off = (xy - middle) / scale
     unit = 1 / max(float(_square(off).max()), 1e-9)
-    low, high = RANGE
-    for _ in range(1 + rounds):
-        tried = np.linspace(low, high, STEPS)
-        residuals = _residuals(tried * unit, plane, off)
-        best = int(np.argmin(residuals))
-        low, high = float(tried[max(best - 1, 0)]), float(tried[min(best + 1, STEPS - 1)])
-    if not residuals[best] < BETTER * _residuals(np.zeros(1), plane, off)[0]:
+
+    def residuals(tried: Real[Array, " c"]) -> Real[Array, " c"]:
+        return _residuals(tried * unit, plane, off)
+
+    tried = np.linspace(*RANGE, STEPS)
+    best = int(np.argmin(residuals(tried)))
+    coefficient, residual = _least(residuals, float(tried[max(best - 1, 0)]), float(tried[min(best + 1, STEPS - 1)]))
+    if not residual < BETTER * residuals(np.zeros(1))[0]:
         return None
-    return Division(float(tried[best]) * unit, middle, scale)
+    return Division(coefficient * unit, middle, scale)
+
+
+def _least(residuals: Callable[[Array], Array], low: float, high: float) -> tuple[float, float]:
+    """Where between `low` and `high` a function that falls and then rises is least, and its value there, by golden
+    sections (Kiefer, Sequential minimax search for a maximum, Proc. AMS 1953)."""
+    inner = [high - GOLDEN * (high - low), low + GOLDEN * (high - low)]
+    at = residuals(np.array(inner)).tolist()
+    while high - low > EXACT:
+        if at[0] <= at[1]:
+            high, inner, at = inner[1], [0.0, inner[0]], [0.0, at[0]]
+            inner[0] = high - GOLDEN * (high - low)
+            at[0] = float(residuals(np.array(inner[:1]))[0])
+        else:
+            low, inner, at = inner[0], [inner[1], 0.0], [at[1], 0.0]
+            inner[1] = low + GOLDEN * (high - low)
+            at[1] = float(residuals(np.array(inner[1:]))[0])
+    best = int(at[1] < at[0])
+    return inner[best], at[best]
 
 
 def _residuals(
@@ -86,18 +104,10 @@ def _residuals(
 ) -> Real[Array, " c"]:
     """(C,) root mean square distances of points at `off` (N, 2) from the centre, in units of the scale, from those of
     the `plane` (N, 2) under the best homography and each of the `coefficients` (C,); infinite where there is none."""
-    c = coefficients[:, None, None]
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        flat = off / (1 + c * _square(off))
-        there = np.isfinite(flat).all(axis=(1, 2))
-        H = np.array(
-            [homography(plane, at) if fine else np.full((3, 3), np.nan) for at, fine in zip(flat, there, strict=True)]
-        )
-        mapped = apply_homographies(H, plane)
-        root = 1 - 4 * c * _square(mapped)
-        gap = off - 2 * mapped / (1 + np.sqrt(np.where(root >= 0, root, np.nan)))
-        size = np.sqrt((gap**2).sum(axis=2).mean(axis=1))
-    return np.asarray(np.where(np.isfinite(size), size, np.inf))
+    out = np.empty(len(coefficients))
+    plane, off = np.ascontiguousarray(plane, float), np.ascontiguousarray(off, float)
+    _division_residuals(coefficients, plane, off, np.empty(off.size), out)
+    return out
 
 
 def _square(off: Real[Array, "... 2"]) -> Real[Array, "... 1"]:

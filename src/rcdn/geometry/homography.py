@@ -49,6 +49,7 @@ def apply_homography(H: Real[Array, "3 3"], points: Real[Array, "... 2"]) -> Arr
 
 
 def apply_homographies(H: Real[Array, "c 3 3"], points: Real[Array, "n 2"]) -> Real[Array, "c n 2"]:
-    """`points` (N, 2) mapped by each of the homographies `H` (C, 3, 3)."""
-    out = np.column_stack([points, np.ones(len(points))]) @ H.transpose(0, 2, 1)
-    return np.asarray(out[..., :2] / out[..., 2:])
+    """`points` (N, 2) mapped by each of the homographies `H` (C, 3, 3), by sums in a fixed order."""
+    x, y = np.asarray(points, float).T
+    u, v, depth = (row[:, :1] * x + row[:, 1:2] * y + row[:, 2:] for row in H.transpose(1, 0, 2))
+    return np.stack([u / depth, v / depth], axis=2)
