@@ -225,3 +225,44 @@ def test_what_lies_beyond_the_fold_of_a_lens_has_no_pixel(model, distortion, fol
     assert camera.project(rays[seen])[-1, 0] > 640  # outside of the picture, and still a pixel
     back = camera.unproject(camera.project(rays[seen]))
     assert back / np.linalg.norm(back, axis=1, keepdims=True) == pytest.approx(rays[seen], abs=1e-6)
+
+
+@pytest.mark.parametrize("model", CAMERAS)
+def test_a_resized_camera_sees_the_resized_picture(model):
+    camera = CAMERAS[model]
+    width, height = camera.image_size
+    for size in ((width // 2, height // 2), (2 * width, 3 * height)):
+        small = camera.resized(size)
+        scale = np.divide(size, camera.image_size)
+        assert small.image_size == size
+        assert small.project(POINTS) == pytest.approx((camera.project(POINTS) + 0.5) * scale - 0.5, abs=1e-9)
+    assert camera.resized([width, height]).K.tolist() == camera.K.tolist()
+
+
+@pytest.mark.parametrize("model", CAMERAS)
+def test_a_cropped_camera_sees_a_part_of_the_picture(model):
+    camera = CAMERAS[model]
+    part = camera.cropped(40, 30, 200, 100)
+    assert part.image_size == (200, 100)
+    assert part.project(POINTS) == pytest.approx(camera.project(POINTS) - [40, 30], abs=1e-9)
+
+
+def test_a_smooth_correction_is_kept_in_resized_and_cropped_cameras():
+    bent = replace(BROWN, correction=zero_correction(BROWN, 8))
+    bent = replace(bent, correction=bent.correction.with_control(0.01 * RNG.normal(size=bent.correction.control.size)))
+    half = np.divide(BROWN.image_size, 2).astype(int).tolist()
+    assert bent.resized(half).project(POINTS) == pytest.approx((bent.project(POINTS) + 0.5) / 2 - 0.5, abs=1e-9)
+    assert bent.cropped(8, 4, 100, 90).project(POINTS) == pytest.approx(bent.project(POINTS) - [8, 4], abs=1e-9)
+
+
+@pytest.mark.parametrize("part", [(-1, 0, 9, 9), (0, 0, 10_000, 9), (600, 0, 100, 9), (0.5, 0, 9, 9), (0, None, 9, 9)])
+def test_a_part_beyond_the_picture_is_refused(part):
+    with pytest.raises(RcdnError, match="the part must lie within the picture of"):
+        BROWN.cropped(*part)
+
+
+def test_sizes_that_are_none_are_refused():
+    with pytest.raises(RcdnError, match="size must be"):
+        BROWN.resized(320)
+    with pytest.raises(RcdnError, match="width and height must be"):
+        BROWN.cropped(0, 0, 0, 10)

@@ -13,9 +13,9 @@ from rcdn import geometry, io
 from rcdn.errors import ConfigError, ImageError
 from rcdn.geometry.flat_view import flat_camera
 from rcdn.geometry.inverse import before_fold
-from rcdn.geometry.resample import Undistortion, undistortion
+from rcdn.geometry.resample import Undistortion, rectification, undistortion
 from rcdn.geometry.undistort import ray_test
-from rcdn.types import Array, Camera, Pose
+from rcdn.types import Array, Camera, Pose, StereoCalibration
 
 
 def project(camera: Camera, points: Array, pose: Pose | None) -> Array:
@@ -81,6 +81,22 @@ def _pixels(image: Any) -> Array:
         what = f"{pixels.dtype} {pixels.shape}"
         raise ImageError(f"image must be (H, W) or (H, W, channels), uint8, uint16 or float, and not empty, not {what}")
     return np.ascontiguousarray(pixels, dtype)
+
+
+def rectify(pair: StereoCalibration | io.StereoCameras, left: Any, right: Any) -> tuple[Array, Array]:
+    """See `StereoCalibration.rectify`."""
+    first, second = _rectifications(pair)
+    return first(_pixels(left)), second(_pixels(right))
+
+
+@lru_cache(maxsize=2)
+def _rectifications(pair: StereoCalibration | io.StereoCameras) -> tuple[Undistortion, Undistortion]:
+    found = io.StereoCameras.of(pair)
+    turns, size = found.turns, found.left.image_size
+    return (
+        rectification(found.left, turns.R_left, turns.P_left, size),
+        rectification(found.right, turns.R_right, turns.P_right, size),
+    )
 
 
 def save(camera: Camera, path: str | Path, format: str | None) -> str:

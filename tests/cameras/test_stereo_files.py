@@ -72,8 +72,6 @@ def test_a_pair_without_rectification(tmp_path, kind):
 def test_what_cannot_hold_a_pair(tmp_path):
     with pytest.raises(FormatError, match="no place for the pose"):
         write_stereo(tmp_path / "cameras.txt", pair())
-    with pytest.raises(FormatError, match="rectification, and this pair has none"):
-        write_stereo(tmp_path / "a", pair(rectified=False), "ros")
     mixed = StereoCameras(camera("brown4"), camera("fisheye"), np.eye(4))
     with pytest.raises(FormatError, match=r"right camera: mrcal's \.cameramodel has no lens model for 'fisheye'"):
         write_stereo(tmp_path / "a.cameramodel", mixed)

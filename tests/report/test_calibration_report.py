@@ -438,7 +438,7 @@ def test_undistorting_turns_as_rectification_does():
 
 def test_a_resized_camera_keeps_pixel_centres():
     rays = unproject(BROWN, np.array([[10.0, 20], [600, 400]]))
-    small = project(pictures.resized(BROWN, (320, 240)), rays)
+    small = project(BROWN.resized((320, 240)), rays)
     assert small == pytest.approx((np.array([[10.0, 20], [600, 400]]) + 0.5) / 2 - 0.5)
 
 

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from operator import index
 
-import cv2
 import numpy as np
 
 from rcdn.calibration import robust
@@ -26,7 +25,7 @@ from rcdn.calibration.rig_start import Key
 from rcdn.calibration.rig_task import RigTask
 from rcdn.calibration.stereo_verdict import judged_stereo
 from rcdn.errors import CalibrationError, ConfigError, many, said_of, shown
-from rcdn.geometry.undistort import resized
+from rcdn.geometry.rectification import rectifying
 from rcdn.types import Array, Board, Calibration, Camera, StereoCalibration
 from rcdn.types.calibration import SIDES
 
@@ -275,7 +274,7 @@ def _result(
     task, fit, T = solution.task, solution.fit, solution.fit.state.rig[1]
     left, right = solution.cameras((first, second), solution.rig(SIDES))
     left, right = (_paired(task, c, calibration) for c, calibration in enumerate((left, right)))
-    rectified = _rectify(left.camera, right.camera, T)
+    rectified = rectifying(left.camera, right.camera, T)
     advice = _odd_pairs([f"{first.views[a].name} and {second.views[b].name}" for a, b in odd])
     cov = solution.cov[solution.places, solution.places]
     return StereoCalibration(left, right, T, cov, solution.rms, _epipolar(task, fit), *rectified, advice)
@@ -309,20 +308,3 @@ def _epipolar(task: RigTask, fit: robust.Fit) -> float:
     left, right = fit.state.cameras
     gaps = epipolar_gaps(left, right, fit.state.rig[1], *(task.corners.xy[each] for each in rows))
     return float(np.sqrt(np.nanmean(gaps**2)))
-
-
-def _rectify(left: Camera, right: Camera, T: Array) -> tuple[Array, Array, Array, Array, Array]:
-    """Rotations, projections and Q that rectify both images to one plane (Bouguet's method, OpenCV's stereoRectify), of
-    the left image's size."""
-    nothing = np.zeros(5)
-    R1, R2, P1, P2, Q, *_ = cv2.stereoRectify(
-        left.K,
-        nothing,
-        resized(right, left.image_size).K,  # it determines the focal length and the centre only
-        nothing,
-        left.image_size,
-        T[:3, :3].copy(),
-        T[:3, 3:].copy(),
-        flags=cv2.CALIB_ZERO_DISPARITY,
-    )
-    return R1, R2, P1, P2, Q

@@ -85,6 +85,14 @@ def undistort(
     crop: Annotated[
         bool, typer.Option("--crop", help="Cut away the margins with empty pixels that --balance leaves.")
     ] = False,
+    rectify: Annotated[
+        bool,
+        typer.Option(
+            "--rectify",
+            help="CAMERA holds two cameras, and IMAGES are of the one that --camera-name names: turn them so that what "
+            "both cameras see lies in the same rows.",
+        ),
+    ] = False,
     camera_name: Annotated[
         str | None,
         typer.Option("--camera-name", metavar="NAME", help="Which camera of a file with several: left, cam1, …"),
@@ -107,9 +115,11 @@ def undistort(
     from rcdn.io import write_camera
 
     console.begin(quiet)
-    lens = chosen_camera(camera, camera_name)
+    if rectify and (balance, scale, crop) != (0, 1, False):
+        raise ConfigError("--rectify makes pictures of one size for both cameras: leave out --balance, --scale, --crop")
+    lens = None if rectify else chosen_camera(camera, camera_name)
     paths, unread = _inputs(images, out, camera)
-    make = _undistortion(lens, balance, scale, crop)
+    make = _rectification(camera, camera_name) if lens is None else _undistortion(lens, balance, scale, crop)
     note = "" if overwrite else _check_camera_file(out / CAMERA_FILE, make.flat)
 
     def write_flat() -> None:
@@ -169,6 +179,18 @@ def _undistortion(camera: Camera, balance: float, scale: float, crop: bool) -> U
         return undistortion(camera, balance, scale, crop)
     except RcdnError as error:
         raise ConfigError(str(error)) from error
+
+
+def _rectification(path: Path, camera_name: str | None) -> Undistortion:
+    from rcdn.geometry.resample import rectification
+    from rcdn.io import read_cameras, read_stereo
+
+    pair, names = read_stereo(path), list(read_cameras(path))
+    if camera_name not in names:
+        raise ConfigError(f"--rectify: say which camera's pictures these are: --camera-name {' | '.join(names)}")
+    turns, right = pair.turns, camera_name == names[1]
+    R, P = (turns.R_right, turns.P_right) if right else (turns.R_left, turns.P_left)
+    return rectification(pair.right if right else pair.left, R, P, pair.left.image_size)
 
 
 def _undistort_all(run: _Run, paths: Sequence[Path], out: Path, make: Undistortion) -> None:

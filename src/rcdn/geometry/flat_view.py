@@ -85,14 +85,6 @@ def largest_rectangle(mask: Real[Array, "h w"]) -> tuple[int, int, int, int]:
     return left, top, right, bottom
 
 
-def cropped(camera: Camera, box: tuple[int, int, int, int]) -> Camera:
-    """The camera of the picture cropped to `box` (left, top, right, bottom; as returned by `largest_rectangle`)."""
-    left, top, right, bottom = box
-    K = camera.K.copy()
-    K[:2, 2] -= left, top
-    return replace(camera, K=K, image_size=(right - left, bottom - top))
-
-
 def _inner(camera: Camera) -> Camera:
     """The widest view, with the principal point of `undistorted_camera`, in which every pixel was seen."""
     undistorted = undistorted_camera(camera)

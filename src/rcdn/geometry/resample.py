@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 
 from rcdn.errors import RcdnError
-from rcdn.geometry.flat_view import cropped, flat_camera, in_picture, largest_rectangle
-from rcdn.geometry.undistort import resized, undistortion_maps
+from rcdn.geometry.flat_view import flat_camera, in_picture, largest_rectangle
+from rcdn.geometry.undistort import undistortion_maps
 from rcdn.types import Array, Camera
 
 LONGEST_SIDE = 32766
@@ -77,24 +77,38 @@ def undistortion(camera: Camera, balance: float = 0.0, scale: float = 1.0, crop:
     if not scale > 0:
         raise RcdnError(f"scale must be above 0, not {scale:g}")
     flat = flat_camera(camera, balance)
-    made = flat if scale <= 1 else resized(flat, _times(flat.image_size, scale))
-    longest = max(*camera.image_size, *made.image_size)
-    if longest > LONGEST_SIDE:
-        raise RcdnError(f"sides of pictures can be {LONGEST_SIDE} px at most here, not {longest}; lower the scale")
-    if made.image_size[0] * made.image_size[1] > MOST_PIXELS:
-        raise RcdnError(f"a picture of {made.image_size[0]}×{made.image_size[1]} px is too large; lower the scale")
+    made = flat if scale <= 1 else flat.resized(_times(flat.image_size, scale))
+    _check_size(made.image_size, camera.image_size)
     map_x, map_y = undistortion_maps(camera, made)
     filled = in_picture(map_x, map_y, camera.image_size)
     if crop:
-        box = largest_rectangle(filled)
-        if box[0] == box[2]:
+        left, top, right, bottom = largest_rectangle(filled)
+        if left == right:
             raise RcdnError("crop: no rectangle is without empty pixels; leave it out")
-        made = cropped(made, box)
-        rows, columns = slice(box[1], box[3]), slice(box[0], box[2])
+        made = made.cropped(left, top, right - left, bottom - top)
+        rows, columns = slice(top, bottom), slice(left, right)
         map_x, map_y, filled = map_x[rows, columns], map_y[rows, columns], filled[rows, columns]
-    final = made if scale >= 1 else resized(made, _times(made.image_size, scale))
+    final = made if scale >= 1 else made.resized(_times(made.image_size, scale))
     maps = np.ascontiguousarray(map_x), np.ascontiguousarray(map_y)
     return Undistortion(camera, final, *maps, ~filled)
+
+
+def rectification(camera: Camera, R: Array, P: Array, size: tuple[int, int]) -> Undistortion:
+    """The conversion from pictures of `camera` to rectified ones of `size` (width, height): of the pinhole camera `P`
+    (3, 4), whose axes `R` (3, 3) turns the camera's to. Raises RcdnError for pictures that are too large."""
+    flat = Camera(P[:, :3], None, size, "pinhole")
+    _check_size(flat.image_size, camera.image_size)
+    map_x, map_y = undistortion_maps(camera, flat, R)
+    return Undistortion(camera, flat, map_x, map_y, ~in_picture(map_x, map_y, camera.image_size))
+
+
+def _check_size(made: tuple[int, int], taken: tuple[int, int]) -> None:
+    """Raise RcdnError if pictures of the size `made` (width, height), of ones of the size `taken`, are too large."""
+    longest = max(*taken, *made)
+    if longest > LONGEST_SIDE:
+        raise RcdnError(f"sides of pictures can be {LONGEST_SIDE} px at most here, not {longest}; lower the scale")
+    if made[0] * made[1] > MOST_PIXELS:
+        raise RcdnError(f"a picture of {made[0]}×{made[1]} px is too large; lower the scale")
 
 
 def _times(size: tuple[int, int], scale: float) -> tuple[int, int]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
@@ -42,13 +41,6 @@ def undistorted_camera(camera: Camera) -> Camera:
     centre = [width * reach[0] / (reach[0] + reach[1]) - 0.5, height * reach[2] / (reach[2] + reach[3]) - 0.5]
     K = np.array([[f, 0, centre[0]], [0, f, centre[1]], [0, 0, 1]])
     return Camera(K, np.zeros(0), camera.image_size, "pinhole")
-
-
-def resized(camera: Camera, size: tuple[int, int]) -> Camera:
-    """The camera of the same picture resized to `size` (width, height); pixel centres at integers."""
-    sx, sy = size[0] / camera.image_size[0], size[1] / camera.image_size[1]
-    K = np.array([[sx, 0, 0.5 * sx - 0.5], [0, sy, 0.5 * sy - 0.5], [0, 0, 1]]) @ camera.K
-    return replace(camera, K=K, image_size=size)
 
 
 def undistortion_maps(camera: Camera, flat: Camera, R: Array | None = None) -> tuple[Array, Array]:

@@ -31,10 +31,9 @@ def write_maps(path: str | Path, camera: Camera) -> None:
 def write_stereo_maps(path: str | Path, pair: StereoCameras | StereoCalibration) -> list[Path]:
     """As `write_maps`, for two cameras: files `path` with _left and _right, whose maps also rectify; they also contain
     `R` (3, 3), `P` (3, 4) and `Q` (4, 4) in OpenCV's notation. Both rectified pictures have the size of the left
-    camera's. Raises FormatError for a pair without rectification."""
+    camera's. Raises RcdnError for two cameras at one place."""
     found = StereoCameras.of(pair)
-    if (turns := found.rectification) is None:
-        raise FormatError(f"{path}: this pair has no rectification; calibrate it with `rcdn calibrate --stereo`")
+    turns = found.turns
     for camera in (found.left, found.right):
         _check_size(path, camera)
     target = Path(path)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from rcdn.errors import RcdnError, many, shown
+from rcdn.provided import camera_work
 from rcdn.types.base import Array, Value, freeze
 from rcdn.types.board_shape import BoardShape
 from rcdn.types.camera import Camera, Pose
@@ -273,6 +274,17 @@ class StereoCalibration(Value):
     def baseline(self) -> float:
         """Distance of the cameras' centres, m."""
         return float(np.linalg.norm(self.T_right_left[:3, 3]))
+
+    def rectify(self, left: Any, right: Any) -> tuple[Array, Array]:
+        """Both pictures of one moment, each as `Camera.undistort` takes it, undistorted and turned so that what both
+        see lies in the same rows: of the pinhole cameras `P_left` and `P_right`, both of the left camera's size. What
+        a camera didn't see is 0. `cv2.reprojectImageTo3D(disparity, Q)` makes points of disparities, m, in the left
+        picture's axes. The maps of the last pairs are kept.
+
+        Raises ImageError for anything that isn't such a picture, RcdnError for a size other than its camera's.
+        """
+        pictures: tuple[Array, Array] = camera_work().rectify(self, left, right)
+        return pictures
 
 
 def level_in_words(verdict: Verdict) -> str:

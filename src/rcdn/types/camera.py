@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
@@ -16,7 +16,7 @@ from rcdn.types.arrays import Real
 from rcdn.types.base import Array, Value, freeze
 from rcdn.types.correction import LensCorrection
 from rcdn.types.named import Named
-from rcdn.types.ranges import CHAINED, coefficient_trouble, focal_trouble, is_rigid, whole_size
+from rcdn.types.ranges import CHAINED, coefficient_trouble, focal_trouble, is_rigid, two_integers, whole_size
 from rcdn.types.shown import deviations, paragraph
 
 CameraModel = Literal["pinhole", "brown", "rational", "fisheye", "division"]
@@ -162,6 +162,28 @@ class Camera(Value):
         """Source position of each pixel of `undistorted(balance)`: map_x, map_y (H, W) float32, px, as `cv2.remap`
         takes them."""
         return _work().undistortion_maps(self, balance)
+
+    def resized(self, size: Sequence[int]) -> Camera:
+        """The camera of the same picture resized to `size` (width, height) px, as by `cv2.resize` or by a sensor that
+        bins its pixels: the picture's borders stay where they are, not the centre of its first pixel. Raises RcdnError
+        for another `size`."""
+        size = whole_size(size, "size")
+        sx, sy = size[0] / self.image_size[0], size[1] / self.image_size[1]
+        K = np.array([[sx, 0, 0.5 * sx - 0.5], [0, sy, 0.5 * sy - 0.5], [0, 0, 1]]) @ self.K
+        return replace(self, K=K, image_size=size)
+
+    def cropped(self, x: int, y: int, width: int, height: int) -> Camera:
+        """The camera of the part of its picture, such as a sensor's region of interest, whose first pixel is (x, y) and
+        which has `width` × `height` px. Raises RcdnError for a part that isn't within the picture."""
+        corner, size = two_integers((x, y)), whole_size((width, height), "width and height")
+        if corner is None or min(corner) < 0 or np.any(np.add(corner, size) > self.image_size):
+            raise RcdnError(
+                f"the part must lie within the picture of {self.image_size[0]}×{self.image_size[1]} px, whole numbers "
+                f"x, y, width, height, not {shown((x, y, width, height))}"
+            )
+        K = self.K.copy()
+        K[:2, 2] -= corner
+        return replace(self, K=K, image_size=size)
 
     def save(self, path: str | Path, format: str | None = None) -> str | None:
         """Write a file for other programs in the `format` `opencv`, `ros`, `kalibr`, `colmap`, `mrcal` or `json`; by

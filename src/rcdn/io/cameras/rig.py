@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from rcdn.errors import RcdnError
+from rcdn.geometry.rectification import rectifying
+from rcdn.provided import camera_work
 from rcdn.types import Array, Camera, StereoCalibration
 
 
@@ -47,7 +50,7 @@ class Rectification:
 @dataclass(frozen=True, eq=False)
 class StereoCameras:
     """Two cameras. `T_right_left` (4, 4) transforms left camera coordinates to right ones, m; `rectification` is None
-    if the file has none."""
+    if the file has none. Two cameras of a `Rig` are such a pair, too, with `rig.relative("left", "right")[0]`."""
 
     left: Camera
     right: Camera
@@ -56,6 +59,17 @@ class StereoCameras:
 
     def __post_init__(self) -> None:
         _freeze(self, {"T_right_left": (4, 4)})
+
+    @property
+    def turns(self) -> Rectification:
+        """Its `rectification`, or else the one that OpenCV's stereoRectify makes. Raises RcdnError for cameras at one
+        place."""
+        return self.rectification or Rectification(*rectifying(self.left, self.right, self.T_right_left))
+
+    def rectify(self, left: Any, right: Any) -> tuple[Array, Array]:
+        """As `StereoCalibration.rectify`, by its `turns`."""
+        pictures: tuple[Array, Array] = camera_work().rectify(self, left, right)
+        return pictures
 
     @classmethod
     def of(cls, found: StereoCalibration | StereoCameras) -> StereoCameras:

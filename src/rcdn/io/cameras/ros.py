@@ -46,10 +46,7 @@ def _text(camera: Camera) -> str:
 
 
 def _stereo_texts(pair: StereoCameras) -> tuple[str, ...]:
-    if (turns := pair.rectification) is None:
-        raise FormatError(
-            f"{TITLE} holds a pair's pose in its rectification, and this pair has none; write opencv, kalibr or json"
-        )
+    turns = pair.turns
     left = _file(pair.left, "left", turns.R_left, turns.P_left)
     return left, _file(pair.right, "right", turns.R_right, turns.P_right)
 

@@ -11,7 +11,7 @@ from markupsafe import Markup
 
 from rcdn.errors import present
 from rcdn.geometry import project, unproject
-from rcdn.geometry.undistort import resized, undistorted_camera, undistortion_maps
+from rcdn.geometry.undistort import undistorted_camera, undistortion_maps
 from rcdn.io import as_grey
 from rcdn.report.calibration.charts import thinned
 from rcdn.report.calibration.svg import crosses, dots, each, rings, segments, tag
@@ -216,7 +216,7 @@ def _sample(number: int, view: BoardView, camera: Camera, grey: Array) -> Sample
     factor = min(1.0, SAMPLE_WIDTH / max(camera.image_size))
     size = round(camera.image_size[0] * factor), round(camera.image_size[1] * factor)
     before = shrunk(grey, size)
-    after = undistort(before, resized(camera, size), resized(flat, size))
+    after = undistort(before, camera.resized(size), flat.resized(size))
     straight = project(flat, unproject(camera, view.xy))
     lines = _outer_lines(view)
     ratio = np.array(size) / np.array(camera.image_size)

@@ -106,7 +106,7 @@ def _rectified(
     own, size = _reduced(camera.image_size), _reduced(whole)
     small = pictures.shrunk(as_grey(picture), own)
     flat = Camera(P[:, :3], np.zeros(0), whole, "pinhole")
-    image = pictures.undistort(small, pictures.resized(camera, own), pictures.resized(flat, size), R)
+    image = pictures.undistort(small, camera.resized(own), flat.resized(size), R)
     ratio = np.array(size) / np.array(whole)
     return image, (rectify(camera, R, P, xy) + 0.5) * ratio - 0.5
 
