@@ -237,3 +237,56 @@ def test_what_a_format_cant_hold_is_told_before_the_work(made):
     result = run("--rig", "--model", "brown", "-o", "camchain.yaml")
     assert result.exit_code == 1
     assert "rig of 2 cameras" not in result.stdout
+
+
+def ros_file(path, camera, name):
+    """A ROS file of a camera, called `name` in it."""
+    write_camera(path, camera, "ros")
+    Path(path).write_text(Path(path).read_text().replace("camera_name: camera", f"camera_name: {name}"))
+
+
+@pytest.mark.parametrize("prefix", ["", "narrow_stereo/"])
+def test_the_name_in_a_file_says_which_camera_it_is(made, prefix, capsys):
+    left, right = made
+    ros_file("a.yaml", right, f"{prefix}right")
+    ros_file("b.yaml", left, f"{prefix}left")
+    found = known_pair([Path("a.yaml"), Path("b.yaml")], ["left", "right"])
+    assert [c.parameters.tolist() for c in found] == [c.parameters.tolist() for c in made]
+    assert [c and c.parameters.tolist() for c in known_pair([Path("a.yaml")], ["cam0", "cam1"])] == [
+        None,
+        right.parameters.tolist(),
+    ]
+    assert list(known_cameras([Path("a.yaml")], ["left", "right"])) == ["right"]
+    assert list(known_cameras([Path("left=a.yaml")], ["left", "right"])) == ["left"]
+    assert capsys.readouterr().err == ""
+
+
+def test_the_name_in_a_file_of_a_rig_as_opencvs_yaml_counts(made):
+    rig = Rig(("left", "right"), made, (Pose(np.eye(4)), Pose(np.eye(4))))
+    write_rig("cv.yaml", rig)
+    assert list(known_cameras([Path("cv_right.yaml")], ["left", "right"])) == ["right"]
+
+
+@pytest.mark.parametrize("name", ["camera", "head_camera"])
+def test_a_name_in_a_file_that_is_no_input_leaves_the_files_name(made, name, capsys):
+    ros_file("right.yaml", made[1], name)
+    assert list(known_cameras([Path("right.yaml")], ["camera", "right"])) == ["right"]
+    assert capsys.readouterr().err == ""
+
+
+def test_a_name_in_a_file_that_contradicts_the_files_name_is_told(made, capsys):
+    ros_file("left.yaml", made[1], "right")
+    assert list(known_cameras([Path("left.yaml")], ["left", "right"])) == ["right"]
+    assert "left.yaml holds the camera right by its `camera_name`, left by the file's name" in capsys.readouterr().err
+    ros_file("cam0.yaml", made[1], "right")
+    left, right = known_pair([Path("cam0.yaml")], ["cam0", "cam1"])
+    assert (left is None, right is None) == (False, True)
+    assert "it is taken for cam0" in capsys.readouterr().err
+    known_pair([Path("cam0.yaml")], ["cam1", "cam0"])
+    assert capsys.readouterr().err == ""
+
+
+def test_two_files_of_one_camera_in_a_folder_are_refused(made):
+    write_camera("lenses/left.yaml", made[0])
+    with pytest.raises(ConfigError, match="the camera left is given twice in this folder"):
+        known_cameras([Path("lenses")], ["left", "right"])

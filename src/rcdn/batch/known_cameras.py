@@ -21,9 +21,9 @@ KnownCameras = Annotated[
         "--camera",
         metavar="FILE",
         help="With --rig or --stereo: a camera whose lens is known and held; the other lenses are solved for. A "
-        "camera's file (left.yaml is that of the input left; NAME=FILE says it), a file of several cameras or of a "
-        "rig, or a folder with a file a camera; may be given several times. With --stereo left and right are names, "
-        "too, and of two files with other names the first is the left camera's.",
+        "camera's file (left.yaml, or one with `camera_name: left`, is that of the input left; NAME=FILE says it), a "
+        "file of several cameras or of a rig, or a folder with a file a camera; may be given several times. With "
+        "--stereo left and right are names, too, and of two files with other names the first is the left camera's.",
     ),
 ]
 
@@ -31,12 +31,12 @@ KnownCameras = Annotated[
 def known_cameras(files: Sequence[Path], names: Sequence[str]) -> dict[str, Camera]:
     """The known cameras by the `names` of the inputs.
 
-    A file with one camera belongs to the input with the file's name without ending (`NAME=FILE`: to NAME); the cameras
-    of a file with several have the names given in it. If the only file has as many cameras as there are inputs, and
-    none of their names is an input's, they are assigned in order. Raises ConfigError for names that don't match, or for
-    a camera that is given twice; FormatError as `read_cameras`.
+    A file with one camera belongs to the input that its `camera_name` says, else to that with the file's name without
+    ending (`NAME=FILE`: to NAME); the cameras of a file with several have the names given in it. If the only file has
+    as many cameras as there are inputs, and none of their names is an input's, they are assigned in order. Raises
+    ConfigError for names that don't match, or for a camera that is given twice; FormatError as `read_cameras`.
     """
-    return _assigned(files, [_cameras(*_name_and_file(file)) for file in files], names)
+    return _assigned(files, [_cameras(*_name_and_file(file), names) for file in files], names)
 
 
 def known_pair(files: Sequence[Path], names: Sequence[str]) -> tuple[Camera | None, Camera | None]:
@@ -47,7 +47,7 @@ def known_pair(files: Sequence[Path], names: Sequence[str]) -> tuple[Camera | No
     """
     from rcdn.types.calibration import SIDES
 
-    each = [_cameras(*_name_and_file(file)) for file in files]
+    each = [_cameras(*_name_and_file(file), names, SIDES) for file in files]
     found = {name for cameras in each for name in cameras}
     if not found <= set(names) and found <= set(SIDES):
         names = SIDES
@@ -97,13 +97,14 @@ def _name_and_file(file: Path) -> tuple[str, Path]:
     return ("", file) if not sign or file.exists() else (name, Path(rest))
 
 
-def _cameras(name: str, path: Path) -> Mapping[str, Camera]:
-    """The cameras of a file or a folder, by name."""
+def _cameras(name: str, path: Path, *expected: Sequence[str]) -> Mapping[str, Camera]:
+    """The cameras of a file or a folder, by name. `expected`: sets of names that inputs have, the likelier ones
+    first."""
     if path.is_dir():
-        return _of_folder(name, path)
+        return _of_folder(name, path, *expected)
     several = cameras_of(path)
     if not name:
-        return several if len(several) > 1 else {_stem(path): next(iter(several.values()))}
+        return several if len(several) > 1 else {_own_name(path, *expected): next(iter(several.values()))}
     if len(several) > 1:
         if name not in several:
             raise ConfigError(f"--camera {name}={path}: the file holds the cameras {', '.join(several)}, not {name}")
@@ -111,7 +112,7 @@ def _cameras(name: str, path: Path) -> Mapping[str, Camera]:
     return {name: next(iter(several.values()))}
 
 
-def _of_folder(name: str, folder: Path) -> Mapping[str, Camera]:
+def _of_folder(name: str, folder: Path, *expected: Sequence[str]) -> Mapping[str, Camera]:
     """The camera of each file in a folder."""
     if name:
         raise ConfigError(f"--camera {name}={folder}: is a folder; give the file of that camera")
@@ -123,17 +124,55 @@ def _of_folder(name: str, folder: Path) -> Mapping[str, Camera]:
         except FormatError:
             continue  # the folder may contain other files, too: extrinsics, notes
         if len(several) == 1:
-            found[_stem(path)] = next(iter(several.values()))
+            own = _own_name(path, *expected)
+            if own in found:
+                raise ConfigError(f"--camera {path}: the camera {own} is given twice in this folder; give its file")
+            found[own] = next(iter(several.values()))
     if not found:
         raise ConfigError(f"--camera {folder}: no file in it holds one camera; give a file a camera, such as left.yaml")
     return found
 
 
+def _own_name(path: Path, *expected: Sequence[str]) -> str:
+    """The name of the only camera of a file: of the name in the file and the one derived from the file's name the one
+    that is expected, or is likelier, else the one in the file; a note says if they are those of different inputs."""
+    inside, outside = (_first_expected(names, expected) for names in (_names_inside(path), [_stem(path)]))
+    if inside is None or outside is None:
+        return (inside or outside or (0, 0, _stem(path)))[2]
+    (_, place, name), (_, other, _) = sorted([inside, outside], key=lambda found: found[0])
+    if place != other:
+        console.note(
+            f"note: {path} holds the camera {inside[2]} by its `camera_name`, {outside[2]} by the file's name; it is "
+            f"taken for {name} (NAME={path} says it)"
+        )
+    return name
+
+
+def _first_expected(names: Sequence[str], expected: Sequence[Sequence[str]]) -> tuple[int, int, str] | None:
+    """(number of the set, place in it, name) of the first of `names` in the first set that has one."""
+    found = ((k, each.index(name), name) for k, each in enumerate(expected) for name in names if name in each)
+    return next(found, None)
+
+
+def _names_inside(path: Path) -> list[str]:
+    """The name that a file gives its only camera, and shorter ones: `narrow_stereo/left` is `left`, too."""
+    from rcdn.io.cameras import name_in
+
+    if path.suffix.lower() not in (".yaml", ".yml") or not (name := name_in(path)):
+        return []
+    last = name.rstrip("/").rpartition("/")[2]
+    return [*dict.fromkeys((name, last, _bare(last)))]
+
+
 def _stem(path: Path) -> str:
     """The camera's name derived from a file name: `left` from left.yaml, left_camera_info.yaml or
     camera_info_left.yaml."""
-    stem = path.stem
+    return _bare(path.stem)
+
+
+def _bare(name: str) -> str:
+    """A name without the words that say what a file holds."""
     for part in ("camera_info", "camera", "intrinsics", "calibration"):
-        if len(rest := stem.replace(part, "").strip("_-. ")) and part in stem:
+        if len(rest := name.replace(part, "").strip("_-. ")) and part in name:
             return rest
-    return stem
+    return name

@@ -16,6 +16,9 @@ from rcdn.io.files import check_writable, write_text
 from rcdn.types import Camera, StereoCalibration
 from rcdn.types.ranges import is_rigid
 
+UNNAMED = "camera"
+"""the `camera_name` in a ROS file of one camera"""
+
 
 def write_camera(
     path: str | Path, camera: Camera, format: CameraFormat | None = None, fit: LensFit | None = None
@@ -98,6 +101,14 @@ def read_cameras(path: str | Path, format: CameraFormat | None = None) -> dict[s
     `camera`."""
     found, data = load(path, format)
     return FORMATS[found].cameras(data, str(path))
+
+
+def name_in(path: str | Path) -> str:
+    """The name that a file of one camera gives it (`camera_name`, of ROS and of rigs as OpenCV's YAML); "" if it gives
+    none, or rcdn's `camera`, which names none. Raises FormatError as `read_cameras`."""
+    _, data = load(path, None)
+    name = str(data.get("camera_name") or "") if isinstance(data, dict) else ""
+    return "" if name == UNNAMED else name
 
 
 def stereo_paths(path: str | Path, format: CameraFormat | None = None) -> list[Path]:
