@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import accumulate
@@ -204,12 +204,13 @@ def two_cameras(
     _print_results(done, camera_text.stereo_lines(done), out)
     if hint := camera_text.swapped_hint(done):
         console.note(hint)
+    shown = partial(pictures_of, of_all=(*names, *theirs))
     reader.failed |= not outputs.write(
         outputs.kept(*(c for c, held in zip((done.left, done.right), known, strict=True) if held is None)),
         lambda path: camera_files.write_pair(path, done, outputs.format),
         lambda path: write_calibration(path, done),
         lambda path: write_stereo_report(
-            path, done, pictures_of(done.left, left, outputs), pictures_of(done.right, right, outputs)
+            path, done, shown(done.left, left, outputs), shown(done.right, right, outputs)
         ),
     )
     return done.verdict
@@ -272,11 +273,11 @@ def _starts(images: Sequence[ImageResult]) -> list[int]:
     return [0, *accumulate(len(image.boards) for image in images)]
 
 
-def pictures_of(calibration: Calibration, got: Gathered, outputs: Outputs) -> Pictures:
-    """The photographs of a calibration's views, for its report."""
+def pictures_of(calibration: Calibration, got: Gathered, outputs: Outputs, of_all: Iterable[str] = ()) -> Pictures:
+    """The photographs of a calibration's views, for its report. `of_all`: names of all cameras' pictures."""
     from rcdn.batch.pictures import Pictures
 
-    pictures = Pictures((v.name for v in calibration.views), got.saved, outputs.pictures)
+    pictures = Pictures((v.name for v in calibration.views), got.saved, outputs.pictures, of_all)
     if pictures.left_out:
         console.note(f"note: --report: {pictures.left_out}")
     return pictures

@@ -41,13 +41,14 @@ def many_cameras(reader: BoardReader, inputs: Sequence[str], problem: Problem, o
     found, done = solved(reader, cameras, problem, known)
     for line in [*verdict_line(done.verdict, several=True), *rig_lines(done)]:
         console.print_line(line)
+    every = [image.path for got in found.values() for image in got.images]
     kept = outputs.kept(*(done.cameras[name] for name in done.rig.names if name not in known))
     reader.failed |= not outputs.write(
         kept,
         lambda path: write_rig_files(path, done.rig, outputs.format),
         lambda path: write_rig_calibration(path, done),
         lambda path: write_rig_report(
-            path, done, {n: pictures_of(done.cameras[n], got, outputs) for n, got in found.items()}
+            path, done, {n: pictures_of(done.cameras[n], got, outputs, every) for n, got in found.items()}
         ),
     )
     return done.verdict

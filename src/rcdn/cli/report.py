@@ -24,7 +24,7 @@ def report(
     shown: PicturePlaces = None,
 ) -> None:
     """Write the page of a calibration (of a camera, a pair or a rig) again, from its JSON;
-    photographs that are still where they were are drawn in.
+    photographs that are still where they were are drawn in, and those that are found in --pictures.
 
     Only those in the JSON's own folder, or in --pictures: a file from elsewhere could name any picture of yours.
 
@@ -45,12 +45,14 @@ def _written(file: Path, output: Path, shown: Sequence[Path] | None) -> list[str
     kind = _kind(file)
     if kind == "rig":
         rig = read_rig_calibration(file)
-        each = {name: _of(camera.views, file, shown) for name, camera in rig.cameras.items()}
+        views = [v for camera in rig.cameras.values() for v in camera.views]
+        each = {name: _of(camera.views, file, shown, views) for name, camera in rig.cameras.items()}
         write_rig_report(output, rig, each)
         return [pictures.left_out for pictures in each.values()]
     if kind == "stereo calibration":
         pair = read_stereo_calibration(file)
-        left, right = (_of(side.views, file, shown) for side in (pair.left, pair.right))
+        views = [*pair.left.views, *pair.right.views]
+        left, right = (_of(side.views, file, shown, views) for side in (pair.left, pair.right))
         write_stereo_report(output, pair, left, right)
         return [left.left_out, right.left_out]
     mono = read_calibration(file)
@@ -67,6 +69,9 @@ def _kind(file: Path) -> str:
     return str(ours.load(str(file), read_text(file)).get("kind"))
 
 
-def _of(views: Sequence[BoardView], file: Path, shown: Sequence[Path] | None) -> Pictures:
+def _of(
+    views: Sequence[BoardView], file: Path, shown: Sequence[Path] | None, of_all: Sequence[BoardView] = ()
+) -> Pictures:
+    """The photographs of a camera's `views`; `of_all`: the views of all cameras."""
     names = [v.name for v in views]
-    return Pictures(names, dict.fromkeys(names, file.parent), shown or ())
+    return Pictures(names, dict.fromkeys(names, file.parent), shown or (), (v.name for v in of_all))

@@ -116,8 +116,9 @@ PicturePlaces = Annotated[
     typer.Option(
         "--pictures",
         metavar="PLACE",
-        help="A folder or file whose photographs a saved file may name for the report; may be given several times. "
-        "Without it only those in the saved file's own folder are shown.",
+        help="A folder or file whose photographs a saved file may name for the report; those that were moved are found "
+        "in it by the last parts of their paths. May be given several times. Without it only those in the saved "
+        "file's own folder are shown.",
     ),
 ]
 Frames = Annotated[
