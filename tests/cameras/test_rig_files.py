@@ -13,6 +13,7 @@ import pytest
 import yaml
 from camera_files import camera, same_camera
 from scipy.spatial.transform import Rotation
+from test_stereo_files import pair, same_pair
 from typer.testing import CliRunner
 
 from rcdn.cli import app
@@ -23,6 +24,7 @@ from rcdn.io import (
     read_camera,
     read_cameras,
     read_rig,
+    read_stereo,
     rig_format,
     rig_paths,
     write_rig,
@@ -317,6 +319,39 @@ def test_two_files_of_a_rig_of_two_are_converted_as_a_rig(tmp_path, monkeypatch)
     write_rig("rig.yaml", plain)
     assert CliRunner().invoke(app, ["convert", "rig_a.yaml", "rig_b.yaml", "back.json"]).exit_code == 0
     same_rig(plain, read_rig("back.json"))
+
+
+@pytest.mark.parametrize("name", ["camera_info_both.yaml", "both.cameramodel"])
+def test_files_of_a_pair_with_a_camera_each_are_a_rig(tmp_path, name):
+    made = pair()
+    files = write_stereo(tmp_path / name, made)
+    assert len(files) == 2
+    for given in ([tmp_path / name], files, files[::-1] if "info" in name else files):
+        found = read_rig(*given)
+        assert found.names == ("left", "right")
+        for one, other in zip(found.cameras, (made.left, made.right), strict=True):
+            same_camera(one, other)
+        np.testing.assert_allclose(found.T_cam_rig, [np.eye(4), made.T_right_left], atol=1e-12)
+
+
+def test_files_of_opencvs_stereo_sample_are_a_rig(tmp_path):
+    whole = write_stereo(tmp_path / "pair.yaml", pair())[0].read_text()
+    head, rest = whole.split("R: !!", 1)
+    (tmp_path / "intrinsics.yml").write_text(head)
+    (tmp_path / "extrinsics.yml").write_text("%YAML:1.0\n---\nR: !!" + rest)
+    found = read_rig(tmp_path / "intrinsics.yml", tmp_path / "extrinsics.yml")
+    np.testing.assert_allclose(found.T_cam_rig[1], pair().T_right_left, atol=1e-12)
+
+
+def test_the_name_of_a_ros_pair_is_converted_with_its_rectification(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_stereo("camera_info.yaml", pair())
+    done = CliRunner().invoke(app, ["convert", "camera_info.yaml", "back.json"])
+    assert done.exit_code == 0, done.output
+    same_pair(read_stereo("back.json"), pair())
+    done = CliRunner().invoke(app, ["convert", "camera_info_left.yaml", "camera_info_right.yaml", "back.toml"])
+    assert done.exit_code == 0, done.output
+    assert read_rig("back.toml").names == ("left", "right")
 
 
 def test_what_one_file_a_camera_lacks_is_named(tmp_path):

@@ -39,13 +39,23 @@ def _template(inputs: Sequence[Path]) -> bool:
     return len(inputs) == 1 and bool(siblings(inputs[0]))
 
 
+def files_of_pair(inputs: Sequence[Path]) -> Sequence[Path]:
+    """`inputs`; for the name given to `rcdn calibrate --stereo -o`, the files of the left and the right camera."""
+    from rcdn.io.rig_files import pair_of_files
+    from rcdn.io.rig_folder import siblings
+
+    files = siblings(inputs[0]) if len(inputs) == 1 else []
+    return inputs if pair_of_files(files) is None else files
+
+
 def _of_one_rig(inputs: Sequence[Path]) -> bool:
     """Whether each file is OpenCV's of one camera of a rig."""
     from rcdn.errors import RcdnError
     from rcdn.io import read_rig
+    from rcdn.io.rig_files import pair_of_files
 
     try:
-        return len(read_rig(*inputs)) == len(inputs)
+        return pair_of_files(inputs) is None and len(read_rig(*inputs)) == len(inputs)
     except RcdnError:
         return False
 

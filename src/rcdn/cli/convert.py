@@ -197,13 +197,14 @@ def _convert_cameras(inputs: Sequence[Path], out: Path, to: str | None, name: st
         write_calibrated,
         write_one,
     )
-    from rcdn.batch.rig_files import convert_rig, holds_rig
+    from rcdn.batch.rig_files import convert_rig, files_of_pair, holds_rig
     from rcdn.calibration.plain_lens import plain_fit
     from rcdn.io import read_calibrations, read_cameras
 
     format: CameraFormat | None = to  # type: ignore[assignment]
     if inputs[0].suffix.lower() == ".csv":
         raise FormatError(f"{inputs[0]}: CSV is written, not read; give the .json or .vnl of the same detections")
+    inputs = files_of_pair(inputs)
     if name is None and holds_rig(inputs, out):
         return convert_rig(inputs, out, format, lossy)
     check_format(out, format)

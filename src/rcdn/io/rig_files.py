@@ -6,6 +6,7 @@ OpenCV and ROS, and rcdn's JSON."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -13,8 +14,20 @@ import numpy as np
 
 from rcdn.errors import FormatError, said_of, shown
 from rcdn.io import rig_colmap, rig_folder, rig_toml
-from rcdn.io.cameras import FORMATS, CameraFormat, camera_format, kalibr, lens_fit, noted, ours, parsed, read_stereo
+from rcdn.io.cameras import (
+    FORMATS,
+    CameraFormat,
+    StereoCameras,
+    camera_format,
+    kalibr,
+    lens_fit,
+    noted,
+    ours,
+    parsed,
+    read_stereo,
+)
 from rcdn.io.cameras.base import LensFit, UnheldLensError
+from rcdn.io.cameras.formats import load
 from rcdn.io.fields import check_path, located, nullable, numbers, read_json, read_text, rigid, take
 from rcdn.io.files import check_writable, write_text
 from rcdn.types import Array, Camera, CameraModel, Pose, Rig
@@ -121,8 +134,9 @@ def read_rig(path: str | Path, *others: str | Path) -> Rig:
 
     For formats with one file per camera (OpenCV; ROS, including the file of transforms) give all files, or the `path`
     that was given to `write_rig`. Names are those in the file; cameras without a pose are left out. Poses are those of
-    the file, so the rig's frame need not be that of a camera. Files of two cameras (`rcdn calibrate --stereo`, OpenCV)
-    are rigs of `left` and `right`. Raises FormatError, naming the file, the field and the fix.
+    the file, so the rig's frame need not be that of a camera. Files of two cameras (`rcdn calibrate --stereo`, OpenCV;
+    both files of ROS or mrcal, or the path that was given to `write_stereo`) are rigs of `left` and `right`. Raises
+    FormatError, naming the file, the field and the fix.
     """
     for each in (path, *others):
         check_path(each)
@@ -130,6 +144,8 @@ def read_rig(path: str | Path, *others: str | Path) -> Rig:
     where = str(paths[0])
     with located(where):
         if len(paths) > 1:
+            if pair := pair_of_files(paths):
+                return _rig_of_pair(pair)
             return rig_folder.rig_of([(parsed("opencv", p, read_text(p)), str(p)) for p in paths])
         text = read_text(paths[0])
         if paths[0].suffix.lower() == ".toml":
@@ -138,12 +154,12 @@ def read_rig(path: str | Path, *others: str | Path) -> Rig:
             return rig_colmap.rig_of(read_json(where, text, "export the rig_config.json again"), where)
         if text.lstrip().startswith("{"):
             record = ours.load(where, text)
-            return _of_pair(paths[0]) if record.get("kind") in _PAIRS else rig_of_record(record, where)
+            return _rig_of_pair(read_stereo(paths[0])) if record.get("kind") in _PAIRS else rig_of_record(record, where)
         data = parsed("kalibr", where, text)
         if kalibr.names(data):
             return _of_chain(data, where)
         try:
-            return _of_pair(paths[0])
+            return _rig_of_pair(read_stereo(paths[0]))
         except FormatError as error:
             if isinstance(data, dict) and {"M1", "M2"} & data.keys():
                 raise
@@ -153,9 +169,27 @@ def read_rig(path: str | Path, *others: str | Path) -> Rig:
             ) from error
 
 
-def _of_pair(path: Path) -> Rig:
-    """The rig of a file of two cameras."""
-    pair = read_stereo(path)
+def pair_of_files(paths: Sequence[Path]) -> StereoCameras | None:
+    """The pair in two files: of mrcal, the left one first; of ROS with a rectification, or OpenCV's stereo sample, in
+    any order. None if the files are no such pair."""
+    kinds = {_kind(path) for path in paths} if len(paths) == 2 else set()
+    if kinds == {"mrcal"}:
+        return read_stereo(paths[0], paths[1])
+    for left, right in (paths, paths[::-1]) if kinds in ({"ros"}, {"opencv"}) else ():
+        with suppress(FormatError):
+            return read_stereo(left, right)
+    return None
+
+
+def _kind(path: Path) -> CameraFormat | None:
+    """The format of a camera file, None of another file."""
+    try:
+        return load(path, None)[0]
+    except FormatError:
+        return None
+
+
+def _rig_of_pair(pair: StereoCameras) -> Rig:
     poses = (Pose(np.eye(4)), Pose(pair.T_right_left))
     return Rig(("left", "right"), (pair.left, pair.right), poses)
 

@@ -100,12 +100,17 @@ def rig_of(files: Sequence[tuple[Any, str]]) -> Rig:
 def _of_opencv(files: Sequence[tuple[Any, str]]) -> Rig:
     found: list[tuple[float, str, Camera, Pose]] = []
     for k, (data, path) in enumerate(files):
+        if isinstance(data, dict) and ros.recognised(data):
+            raise FormatError(
+                f"{path}: ROS's file of one camera doesn't say where it stands; give the file of transforms, too, or "
+                "both files of a pair that is rectified (the right one with a baseline in its projection_matrix)"
+            )
         if not isinstance(data, dict) or not all(
             isinstance(data.get(key), Matrix) for key in ("camera_matrix", "R", "T")
         ):
             raise FormatError(
                 f"{path}: has no camera_matrix, R and T (!!opencv-matrix) of a rig's camera; give the files that `rcdn "
-                "calibrate --rig -o` wrote (of ROS: the file of transforms, too)"
+                "calibrate --rig -o` wrote"
             )
         camera = opencv.FORMAT.cameras({key: v for key, v in data.items() if key not in ("R", "T")}, path)["camera"]
         R, t = data["R"].array(f"{path}: 'R'"), data["T"].array(f"{path}: 'T'")

@@ -106,7 +106,7 @@ def _stereo(files: Sequence[tuple[Any, str]]) -> StereoCameras:
     return StereoCameras(left, right, T, Rectification.without_q(R_left, R_right, P_left, P_right))
 
 
-def _recognised(data: Any) -> bool:
+def recognised(data: Any) -> bool:
     """Whether the camera matrix is a plain mapping, where OpenCV's has a tag; or a message."""
     matrices = (value for key, value in data.items() if str(key).lower() == "camera_matrix")
     return _is_message(data) or any(isinstance(value, dict) and not isinstance(value, Matrix) for value in matrices)
@@ -128,7 +128,7 @@ FORMAT = Format(
     _stereo,
     _FIT,
     mark="camera_info",
-    recognised_yaml=_recognised,
+    recognised_yaml=recognised,
     pair_files=2,
     rectified=True,
 )
