@@ -200,6 +200,17 @@ def test_a_pair_with_known_lenses(made):
     assert Path("again.html").read_text() == page
 
 
+@pytest.mark.parametrize(("several", "rectified"), [("--stereo", True), ("--rig", False)])
+def test_what_a_rig_in_another_format_lacks_of_a_calibration_is_told(made, several, rectified):
+    assert run(several, "--camera", "lenses", "--json", "whole.json").exit_code == 0
+    result = CliRunner().invoke(app, ["convert", "whole.json", "whole.toml"])
+    assert result.exit_code == 0, result.output
+    said = result.stderr.splitlines()
+    assert "whole.toml: holds the cameras; views, deviations and the verdict are in whole.json only" in said
+    assert ("whole.toml: holds no rectification" in result.stderr) == rectified
+    assert ("whole.toml: holds no covariance" in result.stderr) != rectified
+
+
 def test_a_name_that_is_neither_left_nor_right_is_refused(made):
     result = run("--stereo", "--camera", "front=lenses/right.yaml")
     assert result.exit_code == 2

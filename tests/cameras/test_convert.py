@@ -76,6 +76,16 @@ def test_pairs_are_converted(run, source, target):
     assert ("holds no rectification" in result.stderr) == (target not in HOLD_TURNS)
 
 
+@pytest.mark.parametrize("out", ["pair.toml", "pair_rig_config.json", "camera_array.toml"])
+@pytest.mark.parametrize("name", ["in.yaml", "in_camera_info.yaml", "in.json"])
+def test_a_rig_that_holds_no_rectification_is_told_so(run, name, out):
+    result = run(*write_stereo(name, pair()), out)
+    assert result.exit_code == 0, result.stderr
+    assert f"{out}: holds no rectification, which a rig has no place for" in result.stderr
+    result = run(*write_stereo("plain.yaml", pair(rectified=False)), out)
+    assert "rectification" not in result.stderr
+
+
 def test_one_camera_of_a_pair_and_a_pair_where_there_is_no_place_for_it(run):
     write_stereo("pair.json", pair())
     assert run("pair.json", "left.yaml", "--camera-name", "left").exit_code == 0

@@ -69,7 +69,7 @@ def _has_transforms(path: Path) -> bool:
 def convert_rig(inputs: Sequence[Path], out: Path, format: CameraFormat | None, lossy: bool) -> list[Path]:
     """Write the rig in `inputs` to `out`, and print what that format can't represent. Returns the files."""
     from rcdn.batch.camera_files import a_file_a_camera, check_exact, check_format, write_rig_files
-    from rcdn.io import read_rig, rig_format
+    from rcdn.io import read_calibrations, read_rig, rig_format
     from rcdn.io.rig_files import lens_fits
 
     check_format(out, format, rig=True)
@@ -83,4 +83,21 @@ def convert_rig(inputs: Sequence[Path], out: Path, format: CameraFormat | None, 
     files = write_rig_files(out, rig, format)
     if rig.covariance is not None and kind != "json":
         console.note(f"{out}: holds no covariance of the cameras' places; json does")
+    if _rectified(inputs):
+        console.note(f"{out}: holds no rectification, which a rig has no place for; opencv, ros and json of a pair do")
+    if inputs[0].exists() and read_calibrations(inputs[0]):
+        console.note(f"{out}: holds the cameras; views, deviations and the verdict are in {inputs[0]} only")
     return files
+
+
+def _rectified(inputs: Sequence[Path]) -> bool:
+    """Whether the inputs are those of a pair with a rectification."""
+    from rcdn.errors import RcdnError
+    from rcdn.io import read_stereo
+    from rcdn.io.rig_files import pair_of_files
+
+    try:
+        pair = read_stereo(inputs[0]) if len(inputs) == 1 else pair_of_files(inputs)
+    except RcdnError:
+        return False
+    return pair is not None and pair.rectification is not None
