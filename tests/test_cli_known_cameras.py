@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from rcdn.batch.known_cameras import known_cameras, known_pair
+from rcdn.batch.known_cameras import camera_paths, known_cameras, known_pair
 from rcdn.batch.rig_runs import _and_beside_them
 from rcdn.cli import app
-from rcdn.errors import ConfigError
+from rcdn.errors import ConfigError, FormatError
 from rcdn.io import read_camera, read_stereo_calibration, write_camera, write_rig
 from rcdn.types import Pose, Rig
 from rcdn_lab.camera_scenes import SPACING
@@ -248,6 +248,20 @@ def test_what_a_format_cant_hold_is_told_before_the_work(made):
     result = run("--rig", "--model", "brown", "-o", "camchain.yaml")
     assert result.exit_code == 1
     assert "rig of 2 cameras" not in result.stdout
+
+
+def test_one_camera_of_a_file_of_several_is_given_to_an_input(made):
+    write_rig("old#rig.json", Rig(("cam0", "cam1"), made, (Pose(np.eye(4)),) * 2))
+    one, other = (c.parameters.tolist() for c in made)
+    found = known_cameras([Path("left=old#rig.json#cam1"), Path("right=old#rig.json#cam0")], ["left", "right"])
+    assert [found[n].parameters.tolist() for n in ("left", "right")] == [other, one]
+    assert list(known_cameras([Path("old#rig.json#cam1")], ["cam1", "cam7"])) == ["cam1"]
+    assert known_pair([Path("right=old#rig.json#cam0")], ["a", "b"])[1].parameters.tolist() == one
+    assert camera_paths([Path("left=old#rig.json#cam1")]) == [Path("old#rig.json")]
+    with pytest.raises(ConfigError, match=r"say which one it is: left=old#rig\.json#cam0"):
+        known_cameras([Path("left=old#rig.json")], ["left", "right"])
+    with pytest.raises(FormatError, match="holds the cameras cam0, cam1; name one of them, not 'cam2'"):
+        known_cameras([Path("left=old#rig.json#cam2")], ["left", "right"])
 
 
 def ros_file(path, camera, name):

@@ -18,9 +18,11 @@ from rcdn.io import (
     read_vnl,
     write_camera,
     write_detections,
+    write_rig,
     write_stereo,
 )
-from rcdn.types import Board, Camera, Corners, LensCorrection
+from rcdn.io.cameras import camera_names
+from rcdn.types import Board, Camera, Corners, LensCorrection, Pose, Rig
 
 NAMES = {
     "opencv": "a.yaml",
@@ -103,6 +105,41 @@ def test_one_camera_of_a_pair_and_a_pair_where_there_is_no_place_for_it(run):
     result = run("pair.json", "-", "--to", "ros")
     assert result.exit_code == 2
     assert [p.name for p in Path().iterdir() if "-" in p.name] == []
+
+
+def chain_of_three(path):
+    """A camchain whose last camera has a lens that isn't read."""
+    write_rig(path, Rig(("a", "b", "c"), (camera("brown4"),) * 3, (Pose(np.eye(4)),) * 3))
+    head, mark, last = Path(path).read_text().partition("cam2:")
+    Path(path).write_text(head + mark + last.replace("camera_model: pinhole", "camera_model: omni"))
+
+
+def test_a_camera_is_chosen_beside_others_that_cannot_be_read(run):
+    chain_of_three("camchain.yaml")
+    assert camera_names("camchain.yaml") == ["cam0", "cam1", "cam2"]
+    assert run("camchain.yaml", "one.json", "--camera-name", "cam1").exit_code == 0
+    same_camera(read_camera("one.json"), camera("brown4"))
+    same_camera(read_camera("camchain.yaml", name="cam0"), camera("brown4"))
+    other = CliRunner().invoke(app, ["compare", "camchain.yaml", "one.json", "--camera-name", "cam0"])
+    assert other.exit_code == 0, other.output
+    for name, words in (("cam2", "'camera_model' must be pinhole, not 'omni'"), ("cam7", "not 'cam7'")):
+        result = run("camchain.yaml", "two.json", "--camera-name", name)
+        assert result.exit_code == 1
+        assert words in result.stderr
+    result = run("camchain.yaml", "all.json")
+    assert "cam2: 'camera_model' must be pinhole" in result.stderr
+    assert "or choose one of its cameras: --camera-name cam0 | cam1 | cam2" in result.stderr
+
+
+def test_of_cameras_without_places_one_is_chosen(run):
+    lines = [f"{k} SIMPLE_RADIAL 640 480 620 320 240 -0.2\n" for k in (1, 2, 7)]
+    Path("cameras.txt").write_text("".join(lines))
+    result = run("cameras.txt", "one.yaml")
+    assert result.exit_code == 1
+    assert "holds the cameras 1, 2, 7, but not where they stand" in result.stderr
+    assert "choose one of its cameras: --camera-name 1 | 2 | 7" in result.stderr
+    Path("cameras.txt").write_text("".join([*lines[:2], lines[2].replace("SIMPLE_RADIAL", "FOV")]))
+    assert run("cameras.txt", "one.yaml", "--camera-name", "2").exit_code == 0
 
 
 def test_a_lens_that_a_format_only_comes_near_is_written_on_demand(run):

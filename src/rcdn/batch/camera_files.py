@@ -24,24 +24,38 @@ EXACT = 0.01
 def chosen_camera(path: Path, name: str | None, option: str = "CAMERA") -> Camera:
     """The camera of a file, or the one called `name`. Raises ConfigError if the file holds several and no `name` is
     given, FormatError if there is none of that name, and as `cameras_of`."""
-    found = cameras_of(path)
-    if name is None and len(found) == 1:
-        return next(iter(found.values()))
-    if name is None:
-        raise ConfigError(f"{option} {path} holds several cameras; choose one: --camera-name {' | '.join(found)}")
-    if name not in found:
-        raise FormatError(f"{path}: holds the cameras {', '.join(found)}; name one of them, not {shown(name)}")
-    return found[name]
+    if not (names := names_of(path)):
+        raise FormatError(f"{path}: holds no camera; calibrate it again")
+    if name is None and len(names) > 1:
+        raise ConfigError(f"{option} {path} holds several cameras; choose one: --camera-name {' | '.join(names)}")
+    if name is not None and name not in names:
+        raise FormatError(f"{path}: holds the cameras {', '.join(names)}; name one of them, not {shown(name)}")
+    return cameras_of(path, name or names[0])[name or names[0]]
 
 
-def cameras_of(path: Path) -> Mapping[str, Camera]:
-    """All cameras of a file by name, those of rigs included. Raises FormatError as `read_cameras` and `read_rig`."""
-    from rcdn.io import read_cameras, read_rig
+def names_of(path: Path) -> list[str]:
+    """The names of the cameras of a file, those of rigs included, also of cameras that can't be read."""
+    from rcdn.io import read_rig
+    from rcdn.io.cameras import camera_names
 
-    if path.suffix.lower() != ".toml" and not _is_colmap_rig(path):
-        return read_cameras(path)
+    return [*read_rig(path).names] if _is_rig(path) else camera_names(path)
+
+
+def cameras_of(path: Path, name: str | None = None) -> Mapping[str, Camera]:
+    """All cameras of a file by name, those of rigs included; of a file that has one called `name` at least that one.
+    Raises FormatError as `read_cameras` and `read_rig`."""
+    from rcdn.io import read_camera, read_cameras, read_rig
+
+    if not _is_rig(path):
+        known = name is not None and name in names_of(path)
+        return {name: read_camera(path, name=name)} if name is not None and known else read_cameras(path)
     rig = read_rig(path)
     return dict(zip(rig.names, rig.cameras, strict=True))
+
+
+def _is_rig(path: Path) -> bool:
+    """Whether `read_rig` reads the file: TOML, or COLMAP's rig_config.json."""
+    return path.suffix.lower() == ".toml" or _is_colmap_rig(path)
 
 
 def _is_colmap_rig(path: Path) -> bool:

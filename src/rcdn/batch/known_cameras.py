@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rcdn.batch.camera_files import cameras_of
+from rcdn.batch.camera_files import cameras_of, chosen_camera
 from rcdn.errors import ConfigError, FormatError
 from rcdn.terminal import console
 
@@ -22,8 +22,9 @@ KnownCameras = Annotated[
         metavar="FILE",
         help="With --rig or --stereo: a camera whose lens is known and held; the other lenses are solved for. A "
         "camera's file (left.yaml, or one with `camera_name: left`, is that of the input left; NAME=FILE says it), a "
-        "file of several cameras or of a rig, or a folder with a file a camera; may be given several times. With "
-        "--stereo left and right are names, too, and of two files with other names the first is the left camera's.",
+        "file of several cameras or of a rig (NAME=FILE#cam1 takes one of them), or a folder with a file a camera; may "
+        "be given several times. With --stereo left and right are names, too, and of two files with other names the "
+        "first is the left camera's.",
     ),
 ]
 
@@ -32,11 +33,12 @@ def known_cameras(files: Sequence[Path], names: Sequence[str]) -> dict[str, Came
     """The known cameras by the `names` of the inputs.
 
     A file with one camera belongs to the input that its `camera_name` says, else to that with the file's name without
-    ending (`NAME=FILE`: to NAME); the cameras of a file with several have the names given in it. If the only file has
+    ending (`NAME=FILE`: to NAME); the cameras of a file with several have the names given in it (`NAME=FILE#CAMERA`:
+    one of them, for NAME). If the only file has
     as many cameras as there are inputs, and none of their names is an input's, they are assigned in order. Raises
     ConfigError for names that don't match, or for a camera that is given twice; FormatError as `read_cameras`.
     """
-    return _assigned(files, [_cameras(*_name_and_file(file), names) for file in files], names)
+    return _assigned(files, [_cameras(*_given(file), names) for file in files], names)
 
 
 def known_pair(files: Sequence[Path], names: Sequence[str]) -> tuple[Camera | None, Camera | None]:
@@ -47,15 +49,11 @@ def known_pair(files: Sequence[Path], names: Sequence[str]) -> tuple[Camera | No
     """
     from rcdn.types.calibration import SIDES
 
-    each = [_cameras(*_name_and_file(file), names, SIDES) for file in files]
+    each = [_cameras(*_given(file), names, SIDES) for file in files]
     found = {name for cameras in each for name in cameras}
     if not found <= set(names) and found <= set(SIDES):
         names = SIDES
-    elif (
-        not found & {*names, *SIDES}
-        and [len(c) for c in each] == [1, 1]
-        and not any(_name_and_file(f)[0] for f in files)
-    ):
+    elif not found & {*names, *SIDES} and [len(c) for c in each] == [1, 1] and not any(_given(f)[0] for f in files):
         console.note(f"note: {files[0]} is taken for the left camera, {files[1]} for the right one")
         one, two = each
         return next(iter(one.values())), next(iter(two.values()))
@@ -69,7 +67,7 @@ def _assigned(
 ) -> dict[str, Camera]:
     """The `cameras` of each of the `files` by the `names` of the inputs, as `known_cameras`."""
     found: dict[str, Camera] = {}
-    for (_, file), each in zip(map(_name_and_file, files), cameras, strict=True):
+    for (_, file, _), each in zip(map(_given, files), cameras, strict=True):
         for name, camera in each.items():
             if name in found:
                 raise ConfigError(f"--camera {file}: the camera {name} is given twice; leave one of the files away")
@@ -86,28 +84,38 @@ def _assigned(
 
 
 def camera_paths(files: Sequence[Path]) -> list[Path]:
-    """The paths of `files` without their NAME=, and those of the files in folders."""
-    paths = [path for _, path in map(_name_and_file, files)]
+    """The paths of `files` without their NAME= and #CAMERA, and those of the files in folders."""
+    paths = [path for _, path, _ in map(_given, files)]
     return [*paths, *(p for path in paths if path.is_dir() for p in path.iterdir())]
 
 
-def _name_and_file(file: Path) -> tuple[str, Path]:
-    """(NAME, FILE) of `NAME=FILE`; ("", `file`) if there is no equals sign or `file` itself exists."""
+def _given(file: Path) -> tuple[str, Path, str]:
+    """(NAME, FILE, CAMERA) of `NAME=FILE#CAMERA`, each "" where it isn't given; a `file` that exists is FILE itself."""
     name, sign, rest = str(file).partition("=")
-    return ("", file) if not sign or file.exists() else (name, Path(rest))
+    if not sign or file.exists():
+        name, rest = "", str(file)
+    path, sign, camera = rest.rpartition("#")
+    if not sign or Path(rest).exists():
+        path, camera = rest, ""
+    return name, Path(path), camera
 
 
-def _cameras(name: str, path: Path, *expected: Sequence[str]) -> Mapping[str, Camera]:
-    """The cameras of a file or a folder, by name. `expected`: sets of names that inputs have, the likelier ones
-    first."""
+def _cameras(name: str, path: Path, camera: str, *expected: Sequence[str]) -> Mapping[str, Camera]:
+    """The cameras of a file or a folder, by name: all, or only the one that is called `camera` in the file. `expected`:
+    sets of names that inputs have, the likelier ones first."""
     if path.is_dir():
         return _of_folder(name, path, *expected)
-    several = cameras_of(path)
+    if camera:
+        return {name or camera: chosen_camera(path, camera, "--camera")}
+    several = cameras_of(path, name or None)
     if not name:
         return several if len(several) > 1 else {_own_name(path, *expected): next(iter(several.values()))}
     if len(several) > 1:
         if name not in several:
-            raise ConfigError(f"--camera {name}={path}: the file holds the cameras {', '.join(several)}, not {name}")
+            raise ConfigError(
+                f"--camera {name}={path}: the file holds the cameras {', '.join(several)}, not {name}; say which one "
+                f"it is: {name}={path}#{next(iter(several))}"
+            )
         return {name: several[name]}
     return {name: next(iter(several.values()))}
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rcdn.errors import ConfigError
+from rcdn.errors import ConfigError, FormatError
 from rcdn.terminal import console
 
 if TYPE_CHECKING:
@@ -21,10 +22,9 @@ def holds_rig(inputs: Sequence[Path], out: Path) -> bool:
         return True
     if len(inputs) > 1:
         return any(_has_transforms(path) for path in inputs) or _of_one_rig(inputs)
-    from rcdn.io import read_cameras
-    from rcdn.io.cameras import is_rig
+    from rcdn.io.cameras import camera_names, is_rig
 
-    return is_rig(inputs[0]) or len(read_cameras(inputs[0])) > 2
+    return is_rig(inputs[0]) or len(camera_names(inputs[0])) > 2
 
 
 def _named_rig(path: Path) -> bool:
@@ -74,7 +74,8 @@ def convert_rig(inputs: Sequence[Path], out: Path, format: CameraFormat | None, 
 
     check_format(out, format, rig=True)
     kind = rig_format(out, format)
-    rig = read_rig(*inputs)
+    with or_one_camera(inputs):
+        rig = read_rig(*inputs)
     if out == console.STDOUT and a_file_a_camera(out, format):
         raise ConfigError(f"a rig is a file a camera in {kind}; name OUT, to which the cameras' names are added")
     for name, fit in zip(rig.names, lens_fits(out, rig, format), strict=True):
@@ -88,6 +89,22 @@ def convert_rig(inputs: Sequence[Path], out: Path, format: CameraFormat | None, 
     if inputs[0].exists() and read_calibrations(inputs[0]):
         console.note(f"{out}: holds the cameras; views, deviations and the verdict are in {inputs[0]} only")
     return files
+
+
+@contextmanager
+def or_one_camera(inputs: Sequence[Path]) -> Iterator[None]:
+    """Errors that arise within tell that a camera of the only file can be chosen, if it holds several."""
+    from rcdn.io.cameras import camera_names
+
+    try:
+        yield
+    except FormatError as error:
+        names = []
+        with suppress(FormatError):
+            names = camera_names(inputs[0]) if len(inputs) == 1 else []
+        if len(names) < 2:
+            raise
+        raise FormatError(f"{error}; or choose one of its cameras: --camera-name {' | '.join(names)}") from error
 
 
 def _rectified(inputs: Sequence[Path]) -> bool:

@@ -102,7 +102,7 @@ def _read(path: Path, name: str | None) -> Camera | Calibration:
     from rcdn.batch.camera_files import cameras_of
     from rcdn.io import read_calibrations
 
-    members: dict[str, Camera | Calibration] = {**cameras_of(path), **read_calibrations(path)}
+    members: dict[str, Camera | Calibration] = {**cameras_of(path, name), **read_calibrations(path)}
     if len(members) == 1:
         return next(iter(members.values()))
     if name not in members:

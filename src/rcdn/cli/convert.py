@@ -194,12 +194,13 @@ def _convert_cameras(inputs: Sequence[Path], out: Path, to: str | None, name: st
         check_format,
         chosen_camera,
         holds_maps,
+        names_of,
         write_calibrated,
         write_one,
     )
     from rcdn.batch.rig_files import convert_rig, files_of_pair, holds_rig
     from rcdn.calibration.plain_lens import plain_fit
-    from rcdn.io import read_calibrations, read_cameras
+    from rcdn.io import read_calibrations
 
     format: CameraFormat | None = to  # type: ignore[assignment]
     if inputs[0].suffix.lower() == ".csv":
@@ -211,7 +212,7 @@ def _convert_cameras(inputs: Sequence[Path], out: Path, to: str | None, name: st
     calibrations = read_calibrations(inputs[0])
     if len(inputs) > 2:
         raise ConfigError("give one camera file, or the left and the right one of a pair, and OUT")
-    if len(inputs) == 2 or (name is None and len(read_cameras(inputs[0])) > 1):
+    if len(inputs) == 2 or (name is None and len(names_of(inputs[0])) > 1):
         if name is not None:
             raise ConfigError("--camera-name is for one file with several cameras; leave it out, or give one file")
         files = _convert_pair(inputs, out, format, lossy)
@@ -247,15 +248,11 @@ def _convert_pair(inputs: Sequence[Path], out: Path, format: CameraFormat | None
 
 
 def _pair(inputs: Sequence[Path]) -> StereoCameras:
-    from rcdn.io import read_cameras, read_stereo
+    from rcdn.batch.rig_files import or_one_camera
+    from rcdn.io import read_stereo
 
-    try:
+    with or_one_camera(inputs):
         return read_stereo(inputs[0], inputs[1] if len(inputs) > 1 else None)
-    except FormatError as error:
-        if len(inputs) > 1:
-            raise
-        names = " | ".join(read_cameras(inputs[0]))
-        raise FormatError(f"{error}; or choose one of its cameras: --camera-name {names}") from error
 
 
 def _check_loss(out: Path, cameras: dict[str, Camera], format: CameraFormat | None, lossy: bool) -> None:

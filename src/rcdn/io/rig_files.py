@@ -19,6 +19,7 @@ from rcdn.io.cameras import (
     CameraFormat,
     StereoCameras,
     camera_format,
+    camera_names,
     kalibr,
     lens_fit,
     noted,
@@ -163,6 +164,10 @@ def read_rig(path: str | Path, *others: str | Path) -> Rig:
         except FormatError as error:
             if isinstance(data, dict) and {"M1", "M2"} & data.keys():
                 raise
+            if len(names := _names(paths[0])) > 1:
+                raise FormatError(
+                    f"{where}: holds the cameras {', '.join(names)}, but not where they stand; give a file of a rig"
+                ) from error
             raise FormatError(
                 f"{where}: holds no rig; of one file a camera (OpenCV, ROS) give all, or the name that they were "
                 f"written under (rig.yaml of rig_left.yaml), else a file that {_READ} wrote"
@@ -187,6 +192,14 @@ def _kind(path: Path) -> CameraFormat | None:
         return load(path, None)[0]
     except FormatError:
         return None
+
+
+def _names(path: Path) -> list[str]:
+    """The names of the cameras of a camera file, none of another file."""
+    try:
+        return camera_names(path)
+    except FormatError:
+        return []
 
 
 def _rig_of_pair(pair: StereoCameras) -> Rig:

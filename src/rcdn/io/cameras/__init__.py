@@ -2,6 +2,7 @@
 
 from rcdn.io.cameras.base import LensFit
 from rcdn.io.cameras.files import (
+    camera_names,
     check_lens,
     is_rig,
     lens_fit,
@@ -24,6 +25,7 @@ __all__ = [
     "Rectification",
     "StereoCameras",
     "camera_format",
+    "camera_names",
     "check_lens",
     "is_rig",
     "lens_fit",

@@ -73,7 +73,8 @@ class Format:
     Files are named by one of the `endings`, and, where other formats have those, by `mark` in the rest of the name.
     `recognised(first, text)`: whether a text is of this format, by its `first` line that is no comment; in YAML, by the
     data: `recognised_yaml(data)`. `lenses`: the models of which it holds any camera. `pair_files`: the files of a pair,
-    one or two. `rectified`: they hold the rectification.
+    one or two. `rectified`: they hold the rectification. `parts(data)`: for a format with any number of cameras in a
+    file, the data of a file with one of them, by its name.
     """
 
     title: str
@@ -91,6 +92,7 @@ class Format:
     recognised_yaml: Callable[[Any], bool] | None = None
     pair_files: int = 1
     rectified: bool = False
+    parts: Callable[[Any], dict[str, Any]] | None = None
 
 
 def coefficients(*models: tuple[CameraModel, int]) -> Callable[[Camera], LensFit]:

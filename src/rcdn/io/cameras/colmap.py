@@ -108,4 +108,5 @@ FORMAT = Format(
     get_args(CameraModel),
     fit=_FIT,
     recognised=lambda first, _: _FIRST.match(first) is not None,
+    parts=lambda data: {fields[0]: [(where, fields)] for where, fields in data},
 )

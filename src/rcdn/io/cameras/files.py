@@ -75,9 +75,12 @@ def read_camera(path: str | Path, format: CameraFormat | None = None, name: str 
 
     `name`: the camera to read from a file with several (`cam1`; `left`; COLMAP's number). A distortion of zeros is read
     as a pinhole. Raises FormatError, naming the file, the field and the fix, if the file contains no camera, several
-    cameras and no `name` is given, or a lens model that rcdn doesn't support.
+    cameras and no `name` is given, or the camera has a lens model that rcdn doesn't support.
     """
-    cameras = read_cameras(path, format)
+    found, data = load(path, format)
+    kind = FORMATS[found]
+    parts = {} if name is None or kind.parts is None else kind.parts(data)
+    cameras = kind.cameras(parts.get(name or "", data), str(path))
     if name is None and len(cameras) == 1:
         return next(iter(cameras.values()))
     if name not in cameras:
@@ -101,6 +104,14 @@ def read_cameras(path: str | Path, format: CameraFormat | None = None) -> dict[s
     `camera`."""
     found, data = load(path, format)
     return FORMATS[found].cameras(data, str(path))
+
+
+def camera_names(path: str | Path) -> list[str]:
+    """The names of the cameras of a file, as `read_cameras` has them, also of those that can't be read. Raises
+    FormatError as `read_cameras` for a file of one camera or a pair."""
+    found, data = load(path, None)
+    kind = FORMATS[found]
+    return [*((kind.parts and kind.parts(data)) or kind.cameras(data, str(path)))]
 
 
 def name_in(path: str | Path) -> str:

@@ -122,4 +122,5 @@ FORMAT = Format(
     _FIT,
     mark="camchain",
     recognised_yaml=lambda data: bool(names(data)),
+    parts=lambda data: {name: {name: data[name]} for name in names(data)},
 )
