@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from rcdn.batch.saved_cameras import a_file_a_camera
 from rcdn.cli import app
 from rcdn.io import write_rig
 from rcdn.types import Pose, Rig
@@ -55,6 +56,35 @@ def test_a_line_for_each_moment_and_all_in_the_json(made):
         assert record["cameras"] == ["c0", "c1"]
         assert np.array(record["T_rig_board"])[:3, 3] == pytest.approx(T[:3, 3], abs=0.002)
         assert np.array(record["cov"]).shape == (6, 6)
+
+
+def test_a_folder_with_saved_detections_of_each_camera_is_a_rigs_input(made):
+    expected = run("c0.json", "c1.json", "--rig", "rig.json").stdout
+    Path("saved").mkdir()
+    for name in ("c0", "c1"):
+        Path(f"{name}.json").rename(f"saved/{name}.json")
+    Path("saved/rig.json").write_bytes(Path("rig.json").read_bytes())  # not detections
+    result = run("saved", "--rig", "rig.json")
+    assert result.exit_code == 0, result.output
+    assert result.stdout == expected
+    result = CliRunner().invoke(
+        app, ["calibrate", "--rig", "saved", "--spacing", str(SPACING), "--json", "saved/c1.json", "--no-cache"]
+    )
+    assert (result.exit_code, "would overwrite an input" in result.stderr) == (2, True)
+
+
+def test_only_files_of_detections_in_a_folder_without_folders_are_cameras(made):
+    Path("saved").mkdir()
+    for name in ("c10", "c2"):
+        Path(f"saved/{name}.json").write_bytes(Path("c0.json").read_bytes())
+    Path("saved/notes.json").write_text("{}")
+    assert a_file_a_camera(["saved"]) == ["saved/c2.json", "saved/c10.json"]
+    assert a_file_a_camera(["saved", "rig.json"]) == ["saved", "rig.json"]
+    Path("saved/walk.mp4").touch()
+    assert a_file_a_camera(["saved"]) == ["saved"]
+    Path("saved/walk.mp4").unlink()
+    Path("saved/left").mkdir()
+    assert a_file_a_camera(["saved"]) == ["saved"]
 
 
 def test_moments_are_in_the_order_that_people_count(made):

@@ -21,6 +21,7 @@ from rcdn.batch.detection_settings import DetectionSettings
 from rcdn.batch.known_cameras import KnownCameras, camera_paths
 from rcdn.batch.pair_file import PairFile, Pairs
 from rcdn.batch.rig_runs import many_cameras
+from rcdn.batch.saved_cameras import a_file_a_camera
 from rcdn.config import DetectorConfig
 from rcdn.errors import ConfigError
 from rcdn.terminal import console
@@ -71,8 +72,8 @@ def calibrate(
         bool,
         typer.Option(
             "--rig",
-            help="Calibrate many cameras: an input for each, or one folder with a folder or a video of each; frames of "
-            "one name or number belong together.",
+            help="Calibrate many cameras: an input for each, or one folder with a folder, a video or saved "
+            "detections of each; frames of one name or number belong together.",
         ),
     ] = False,
     camera: KnownCameras = None,
@@ -148,6 +149,7 @@ def calibrate(
         raise ConfigError("--pairs is for two cameras; give it with --stereo")
     if pattern is PatternName.deltille and (board is not None or stereo or rig):
         raise ConfigError("--board and --stereo know boards of squares only; leave them out for a deltille")
+    inputs = a_file_a_camera(inputs) if rig else inputs
     outputs = Outputs(output or [], cast("CameraFormat | None", file_format), report, json, force, pictures or ())
     outputs.check([*inputs, *camera_paths(camera or ()), *([] if pairs is None else [pairs])], rig, stereo)
     if not (rig or stereo):

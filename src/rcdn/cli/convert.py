@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,6 +10,7 @@ import typer
 
 from rcdn.batch.detection_files import FORMATS, Contents, format_of
 from rcdn.batch.paths import check_file
+from rcdn.batch.saved_cameras import holds_detections
 from rcdn.errors import ConfigError, FormatError
 from rcdn.terminal import console
 from rcdn.terminal.console import Quiet
@@ -132,20 +132,12 @@ def _refuse(options: Mapping[str, bool], reason: str) -> None:
 
 
 def _holds_detections(path: Path) -> bool:
-    """Whether a file contains detections, judged by its first lines; False if it can't be read: its reader reports the
-    reason."""
+    """Whether a file contains detections; False if it can't be read: its reader reports the reason."""
     from rcdn.io.files import is_special
 
     if is_special(path):
         raise ConfigError(f"{path}: a pipe or a device, not a file; save it as a file first")
-    if path.suffix.lower() == ".vnl":
-        return True
-    try:
-        with open(path, encoding="utf-8", errors="replace") as file:
-            head = file.read(2000).lstrip("\ufeff \n")
-    except OSError:
-        return False
-    return head.startswith("# filename") or re.match(r'\{[^{\[]*"images"\s*:', head) is not None
+    return holds_detections(path)
 
 
 def _convert_detections(
