@@ -14,6 +14,7 @@ from rcdn.geometry import project
 from rcdn.io import (
     read_camera,
     read_cameras,
+    read_rig,
     read_stereo,
     write_camera,
 )
@@ -283,6 +284,81 @@ def test_ros_may_write_zeros_for_a_thin_prism(tmp_path, last, reads):
         assert read_camera(path).distortion.tolist() == D[:8]
         return
     with pytest.raises(FormatError, match="thin prisms"):
+        read_camera(path)
+
+
+@pytest.mark.parametrize(
+    ("fields", "words"),
+    [
+        ("binning_x: 2\nbinning_y: 2", "binned by 2 × 2, but K is of the whole 640×480 px"),
+        (
+            "roi: {x_offset: 40, y_offset: 30, height: 420, width: 560}",
+            r"cropped to 560×420 px at \(40, 30\), but K is",
+        ),
+        ("binning_x: 2\nroi: {y_offset: 8}", r"binned by 2 × 1 and cropped to 640×480 px at \(0, 8\)"),
+        ("binning_x: 1\nbinning_y: 0\nroi: {x_offset: 0, y_offset: 0, height: 480, width: 640}", ""),
+        ("roi: {x_offset: 0, y_offset: 0, height: 0, width: 0, do_rectify: true}", ""),
+    ],
+)
+def test_a_message_of_binned_or_cropped_pictures_is_refused(tmp_path, fields, words):
+    path = tmp_path / "message.yaml"
+    D = [0.1, -0.2, 0.001, 0.002, 0.0]
+    text = MESSAGE.format(model="plumb_bob", D=D, d="d", k="k", r="r", p="p")
+    path.write_text(text.replace("roi:\n  x_offset: 0", fields))
+    if not words:
+        assert read_camera(path).image_size == (640, 480)
+        return
+    with pytest.raises(FormatError, match=words):
+        read_camera(path)
+    with pytest.raises(FormatError, match=words):
+        read_stereo(path, path)
+
+
+@pytest.mark.parametrize("bits", [0, cv2.FILE_STORAGE_BASE64])
+def test_xml_of_opencv_is_read(tmp_path, bits):
+    d = np.array([[0.1, -0.2, 0.001, 0.002, 0.03]])
+    R, T = cv2.Rodrigues(np.array([0.02, -0.3, 0.01]))[0], np.array([[-0.12], [0.004], [0.01]])
+
+    def write(name, values):
+        file = cv2.FileStorage(str(tmp_path / name), cv2.FILE_STORAGE_WRITE | bits)
+        for key, value in values.items():
+            file.write(key, value)
+        file.startWriteStruct("images", cv2.FileNode_SEQ)
+        file.write("", "left <01>.png")
+        file.endWriteStruct()
+        file.release()
+        return tmp_path / name
+
+    sides = {"calibration_time": "Mon & Tue", "image_width": 640, "image_height": 480, "avg_reprojection_error": 0.25}
+    one = write("one.xml", {**sides, "camera_matrix": K, "distortion_coefficients": d})
+    if bits:
+        with pytest.raises(FormatError, match="must have rows, cols and as many numbers"):
+            read_camera(one)
+        return
+    found = read_camera(one)
+    assert found.K.tolist() == K.tolist()
+    assert (found.distortion.tolist(), found.image_size) == (d[0].tolist(), (640, 480))
+    pair = read_stereo(write("two.xml", {**sides, "M1": K, "D1": d, "M2": K, "D2": d, "R": R, "T": T}))
+    np.testing.assert_array_equal(pair.T_right_left[:3], np.hstack([R, T]))
+    assert read_rig(tmp_path / "two.xml").names == ("left", "right")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('<?xml version="1.0"?>\n<!DOCTYPE a [<!ENTITY b "bb">]>\n<opencv_storage>&b;</opencv_storage>', "a DOCTYPE"),
+        ('<?xml version="1.0"?>\n<opencv_storage><camera_matrix>\n</opencv_storage>', "not XML .*line 3"),
+        ('<?xml version="1.0" encoding="no"?>\n<opencv_storage></opencv_storage>', "not XML"),
+        ('<?xml version="1.0"?>\n<opencv_storage><rows>3</rows></opencv_storage>', "image_width"),
+        ("<opencv_storage>" + "<a>" * 100_000 + "</a>" * 100_000 + "</opencv_storage>", "image_width"),
+        ("<html><body></body></html>", "no camera file that rcdn knows"),
+    ],
+    ids=["entities", "not closed", "encoding", "no camera", "deep", "of others"],
+)
+def test_other_xml_is_refused(tmp_path, text, words):
+    path = tmp_path / "camera.xml"
+    path.write_text(text)
+    with pytest.raises(FormatError, match=words):
         read_camera(path)
 
 

@@ -166,7 +166,7 @@ def _names_inside(path: Path) -> list[str]:
     """The name that a file gives its only camera, and shorter ones: `narrow_stereo/left` is `left`, too."""
     from rcdn.io.cameras import name_in
 
-    if path.suffix.lower() not in (".yaml", ".yml") or not (name := name_in(path)):
+    if path.suffix.lower() not in (".yaml", ".yml", ".xml") or not (name := name_in(path)):
         return []
     last = name.rstrip("/").rpartition("/")[2]
     return [*dict.fromkeys((name, last, _bare(last)))]

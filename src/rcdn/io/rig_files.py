@@ -156,7 +156,7 @@ def read_rig(path: str | Path, *others: str | Path) -> Rig:
         if text.lstrip().startswith("{"):
             record = ours.load(where, text)
             return _rig_of_pair(read_stereo(paths[0])) if record.get("kind") in _PAIRS else rig_of_record(record, where)
-        data = parsed("kalibr", where, text)
+        data = parsed("opencv", where, text)  # YAML of any format, or XML
         if kalibr.names(data):
             return _of_chain(data, where)
         try:

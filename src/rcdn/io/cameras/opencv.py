@@ -1,4 +1,4 @@
-"""OpenCV's YAML, as written and read by cv2.FileStorage and OpenCV's calibration samples."""
+"""OpenCV's YAML, as written and read by cv2.FileStorage and OpenCV's calibration samples; its XML is read, too."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from rcdn.errors import FormatError
 from rcdn.geometry.rigid import motion
+from rcdn.io.cameras import xml_text, yaml_text
 from rcdn.io.cameras.base import (
     Format,
     coefficients,
@@ -19,7 +20,7 @@ from rcdn.io.cameras.base import (
     unheld,
 )
 from rcdn.io.cameras.rig import Rectification, StereoCameras
-from rcdn.io.cameras.yaml_text import YAML, Matrix, block_matrix, load
+from rcdn.io.cameras.yaml_text import YAML, Matrix, block_matrix
 from rcdn.io.fields import number
 from rcdn.types import Array, Camera
 from rcdn.types.arrays import Real
@@ -93,6 +94,10 @@ def _camera(
     return opencv_camera(where, K, values, size, fisheye=flag in data and bool(number(data, flag, where)))
 
 
+def _load(path: str, text: str) -> Any:
+    return xml_text.load(path, text) if xml_text.is_xml(text) else yaml_text.load(path, text)
+
+
 def _lower(data: Any) -> dict[str, Any]:
     return {str(key).lower(): value for key, value in data.items()} if isinstance(data, dict) else {}
 
@@ -125,7 +130,7 @@ def _stereo(files: Sequence[tuple[Any, str]]) -> StereoCameras:
 _FIT = coefficients(("brown", 5), ("rational", 8), ("fisheye", 4))
 FORMAT = Format(
     TITLE,
-    load,
+    _load,
     _cameras,
     _text,
     YAML,
@@ -134,6 +139,7 @@ FORMAT = Format(
     _stereo,
     _FIT,
     head="---\n",
+    recognised=lambda _, text: xml_text.is_xml(text),
     recognised_yaml=lambda data: bool({"camera_matrix", "m1", "r"} & set(_lower(data))),
     rectified=True,
 )

@@ -3,7 +3,7 @@ pose of a pair is computed from the rectification of both."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,7 @@ TITLE = "ROS camera_info"
 _NAMES = {"pinhole": "plumb_bob", "brown": "plumb_bob", "rational": "rational_polynomial", "fisheye": "equidistant"}
 _MESSAGE = {"k": "camera_matrix", "d": "distortion_coefficients", "r": "rectification_matrix", "p": "projection_matrix"}
 """fields of a message, in capitals in ROS 1, and the matrices of a file"""
+_REGION = ("x_offset", "y_offset", "width", "height")
 _LENGTHS = {"plumb_bob": (0, 4, 5), "rational_polynomial": (8, 12, 14), "equidistant": (4,)}
 
 
@@ -56,14 +57,36 @@ def _is_message(data: Any) -> bool:
     return {"width", "height", "distortion_model", *_MESSAGE} <= names
 
 
-def _as_file(data: Any) -> Any:
-    """The data of a file; a message's in the form of a file's."""
+def _as_file(data: Any, path: str) -> Any:
+    """The data of a file; a message's in the form of a file's. Raises FormatError for a message of pictures that are
+    binned or cropped."""
     if not _is_message(data):
         return data
     fields = {str(name).lower(): value for name, value in data.items()}
+    if smaller := [*_binned(fields), *_cropped(fields)]:
+        raise FormatError(
+            f"{path}: by this message pictures are {' and '.join(smaller)}, but K is of the whole "
+            f"{fields['width']}×{fields['height']} px; for a camera of whole pictures set binning_x, binning_y and all "
+            "of roi to 0 in the file, for one of smaller pictures calibrate with those"
+        )
     matrices = {name: {"data": fields[field]} for field, name in _MESSAGE.items()}
     sides = {f"image_{side}": fields[side] for side in ("width", "height")}
     return {**sides, "distortion_model": fields["distortion_model"], **matrices}
+
+
+def _binned(fields: Mapping[str, Any]) -> list[str]:
+    """How pictures are binned, in words; [] if they aren't."""
+    binning = [fields.get(f"binning_{axis}") or 1 for axis in "xy"]  # 0 is 1
+    return [] if binning == [1, 1] else ["binned by {} × {}".format(*binning)]
+
+
+def _cropped(fields: Mapping[str, Any]) -> list[str]:
+    """How pictures are cropped, in words; [] if they aren't, as where the region is empty or the whole picture."""
+    roi = fields.get("roi")
+    x, y, width, height = ((roi if isinstance(roi, dict) else {}).get(name) or 0 for name in _REGION)
+    whole = [0, 0, fields["width"], fields["height"]]
+    region = [x, y, width or whole[2], height or whole[3]]
+    return [] if region == whole else ["cropped to {2}×{3} px at ({0}, {1})".format(*region)]
 
 
 def _matrix(data: Any, key: str, shape: tuple[int, int], path: str) -> Array:
@@ -72,7 +95,7 @@ def _matrix(data: Any, key: str, shape: tuple[int, int], path: str) -> Array:
 
 
 def _camera(data: Any, path: str) -> Camera:
-    data = _as_file(data)
+    data = _as_file(data, path)
     size = size_of(data, "image_width", "image_height", path)
     K = _matrix(data, "camera_matrix", (3, 3), path)
     record = take(data, "distortion_coefficients", dict, path)
@@ -89,7 +112,7 @@ def _camera(data: Any, path: str) -> Camera:
 def _stereo(files: Sequence[tuple[Any, str]]) -> StereoCameras:
     if len(files) != 2:
         raise FormatError(f"{files[0][1]}: {TITLE} holds one camera a file; give the right camera's, too")
-    files = [(_as_file(data), path) for data, path in files]
+    files = [(_as_file(data, path), path) for data, path in files]
     left, right = (_camera(data, path) for data, path in files)
     R_left, R_right = (_matrix(data, "rectification_matrix", (3, 3), path) for data, path in files)
     P_left, P_right = (_matrix(data, "projection_matrix", (3, 4), path) for data, path in files)
