@@ -81,9 +81,9 @@ def believable(grid: Grid, least: int, scale: float = 1.0) -> bool:
     """Whether the grid is a board: at least `least` corners and four complete cells. `scale`: px of the grid per px of
     the original image if that was enlarged, else 1.
 
-    Where squares are under 7 px of the original image, or of the reduced one in which they were seen, keyboards and grilles look just like boards: there at least 20
-    corners are needed, which fill nearly all of their bounding box, and all of it under 5.6 px, unless there are a
-    thousand.
+    Where squares are under 7 px of the original image, or of the reduced one in which they were seen, keyboards and
+    grilles look just like boards: there at least 20 corners are needed, which fill nearly all of their bounding box,
+    and all of it under 5.6 px, unless there are a thousand.
     """
     if len(grid) < least or cell_count(grid) < 4:
         return False
