@@ -45,6 +45,21 @@ def test_pictures_without_a_partner_are_passed_over():
     assert pair_names(left, right).pairs == [(1, 0), (2, 1), (3, 2)]
 
 
+@pytest.mark.parametrize(("one", "two"), [("a/{}.png", "b/{}.png"), ("l_{}.png", "r_{}.png"), ("x{}.png", "y{}.png")])
+def test_a_few_pictures_of_both_among_many_of_one_camera(one, two):
+    left = [one.format(k) for k in (*range(20), *range(500, 512))]
+    right = [two.format(k) for k in (*range(100, 120), *range(500, 512))]
+    assert pair_names(left, right).pairs == [(k, k) for k in range(20, 32)]
+    assert "12 pairs" in pairing_hint(left, right, pair_names(left, right))
+    assert pair_names(left[:22], right[:22]).way == "order"  # two names in common are chance
+
+
+def test_numbers_that_count_nothing_do_not_pair_a_few():
+    left = ["dawn_7", "noon_8", "dusk_9", *(f"a_{k}" for k in range(10, 20))]
+    right = ["red_7", "blue_8", "green_9", *(f"b_{k}" for k in range(20, 30))]
+    assert pair_names(left, right).way == "order"
+
+
 def test_numbers_with_other_zeros():
     assert pair_names(["p01.png", "p02.png", "p10.png"], ["q1.png", "q2.png", "q10.png"]).pairs == same(3)
 

@@ -8,8 +8,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rcdn.batch.pairs import stems, trailing_numbers
-from rcdn.errors import ConfigError
+from rcdn.batch.pairs import FEWEST, distinct_keys, one_counter, stems, trailing_numbers
+from rcdn.errors import ConfigError, many
 
 if TYPE_CHECKING:
     from rcdn.batch.inputs import Numbers
@@ -53,12 +53,18 @@ def moments_of(pictures: Sequence[Sequence[str]]) -> tuple[list[list[str]], str]
     """For each camera the moments of its pictures, and the rule that determined them: name, number or order.
 
     By the file names, else by the last number in them, provided that most moments are then shared by several cameras;
-    else by order, if all cameras have equally many pictures. Raises ConfigError if none of these rules applies.
+    else by the rule of these under which every camera shares FEWEST moments or more with others (numbers: only if each
+    camera counts its pictures), since cameras may have pictures of their own; else by order, if all cameras have
+    equally many pictures. Raises ConfigError if none of these rules applies.
     """
     ways: list[tuple[str, Callable[[Sequence[str]], list[str]]]] = [("name", stems), ("number", trailing_numbers)]
-    for way, keys_of in ways:
-        keys = [keys_of(names) for names in pictures]
-        if all(k and all(k) and len(set(k)) == len(k) for k in keys) and _shared(keys):
+    found = [(way, [keys_of(names) for names in pictures]) for way, keys_of in ways]
+    found = [(way, keys) for way, keys in found if all(map(distinct_keys, keys))]
+    for way, keys in found:
+        if _each_shares(keys, 1) and _most_shared(keys):
+            return keys, way
+    for way, keys in found:
+        if _each_shares(keys, FEWEST) and (way == "name" or all(map(one_counter, pictures))):
             return keys, way
     if len({len(names) for names in pictures}) == 1:
         return [[str(k) for k in range(len(names))] for names in pictures], "order"
@@ -69,8 +75,36 @@ def moments_of(pictures: Sequence[Sequence[str]]) -> tuple[list[list[str]], str]
     )
 
 
-def _shared(keys: Sequence[Sequence[str]]) -> bool:
-    """Whether every camera shares a moment with another one, and most moments are shared."""
+def moments_note(keys: Sequence[Sequence[str]], way: str) -> str:
+    """A sentence on the rule of `moments_of` that was used; "" if names leave no doubt."""
+    if way == "order":
+        return (
+            "note: pictures belong together by order, since names and numbers don't say which do; if that is wrong, "
+            "give pictures of one moment one name (a/01.png and b/01.png)"
+        )
+    if way == "name" and _most_shared(keys):
+        return ""
+    shared, alone = _shared_and_alone(keys)
+    return (
+        f"note: pictures belong together by {way}: {many(shared, 'moment')} of several cameras, "
+        f"{alone} of one camera only"
+    )
+
+
+def _each_shares(keys: Sequence[Sequence[str]], fewest: int) -> bool:
+    """Whether every camera shares so many moments or more with other ones."""
     count = Counter(key for each in keys for key in each)
-    alone = sum(1 for key in count if count[key] == 1)
-    return all(any(count[key] > 1 for key in each) for each in keys) and 2 * alone < len(count)
+    return all(sum(count[key] > 1 for key in each) >= fewest for each in keys)
+
+
+def _most_shared(keys: Sequence[Sequence[str]]) -> bool:
+    """Whether most moments are shared by several cameras."""
+    shared, alone = _shared_and_alone(keys)
+    return alone < shared
+
+
+def _shared_and_alone(keys: Sequence[Sequence[str]]) -> tuple[int, int]:
+    """How many moments several cameras share, and how many only one has."""
+    count = Counter(key for each in keys for key in each)
+    shared = sum(n > 1 for n in count.values())
+    return shared, len(count) - shared

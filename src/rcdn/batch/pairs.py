@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import PurePath
 
@@ -14,6 +14,8 @@ SIDES = (("left", "right"), ("cam0", "cam1"), ("l", "r"), ("0", "1"), ("1", "2")
 """words in file names that denote the left and the right camera"""
 SHOWN = 3
 """the largest number of names listed in a sentence"""
+FEWEST = 3
+"""fewest moments that two cameras share by name or number where most pictures have no partner"""
 
 
 @dataclass(frozen=True)
@@ -29,19 +31,18 @@ def pair_names(left: Sequence[str], right: Sequence[str]) -> Pairing:
     """Pair the pictures of the left camera with those of the right one.
 
     By the file names without the word that denotes the camera (a/01.png and b/01.png, left_01 and right_01), else by
-    the last number in the names, else by order if both have equally many. Frames of two videos are paired by frame
-    number. Raises ConfigError if none of these rules applies.
+    the last number in the names, provided that most pictures of the camera with fewer then have a partner. Else by the
+    rule of these that gives FEWEST pairs or more (numbers: only if each camera counts its pictures), else by order if
+    both have equally many. Frames of two videos are paired by frame number. Raises ConfigError if none of these rules
+    applies.
     """
-    by_words = [("name", _without(one), _without(other)) for one, other in SIDES]
-    for way, of_left, of_right in (
-        ("name", stems, stems), *by_words, ("number", trailing_numbers, trailing_numbers)
-    ):  # fmt: skip
-        one, two = of_left(left), of_right(right)
-        if _distinct(one) and _distinct(two):
-            at = {key: k for k, key in enumerate(two)}
-            pairs = [(k, at[key]) for k, key in enumerate(one) if key in at]
-            if 2 * len(pairs) > min(len(left), len(right)):
-                return Pairing(pairs, way)
+    found = list(_pairings(left, right))
+    for each in found:
+        if 2 * len(each.pairs) > min(len(left), len(right)):
+            return each
+    for each in found:
+        if len(each.pairs) >= FEWEST and (each.way == "name" or (one_counter(left) and one_counter(right))):
+            return each
     if len(left) == len(right):
         return Pairing([(k, k) for k in range(len(left))], "order")
     raise ConfigError(
@@ -49,6 +50,18 @@ def pair_names(left: Sequence[str], right: Sequence[str]) -> Pairing:
         "b/01.png, or left_01.png and right_01.png); give names that do, or as many of each in the same order, "
         f"or {_way_out(left, right)}"
     )
+
+
+def _pairings(left: Sequence[str], right: Sequence[str]) -> Iterator[Pairing]:
+    """The pictures with a partner by each rule under which the pictures of both cameras differ."""
+    by_words = [("name", _without(one), _without(other)) for one, other in SIDES]
+    for way, of_left, of_right in (
+        ("name", stems, stems), *by_words, ("number", trailing_numbers, trailing_numbers)
+    ):  # fmt: skip
+        one, two = of_left(left), of_right(right)
+        if distinct_keys(one) and distinct_keys(two):
+            at = {key: k for k, key in enumerate(two)}
+            yield Pairing([(k, at[key]) for k, key in enumerate(one) if key in at], way)
 
 
 def pairing_hint(left: Sequence[str], right: Sequence[str], found: Pairing) -> str:
@@ -121,5 +134,11 @@ def trailing_numbers(names: Sequence[str]) -> list[str]:
     return [str(int(f[-1])) if f else "" for f in found]
 
 
-def _distinct(keys: Sequence[str]) -> bool:
+def one_counter(names: Sequence[str]) -> bool:
+    """Whether the names differ in their last number only, which then counts the pictures of this camera."""
+    return len({re.sub(r"\d+(?=\D*$)", "", _stem(n)) for n in names}) == 1
+
+
+def distinct_keys(keys: Sequence[str]) -> bool:
+    """Whether there are keys, none empty and all different."""
     return bool(keys) and all(keys) and max(Counter(keys).values()) == 1

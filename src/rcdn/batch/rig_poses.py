@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rcdn.batch.detection_settings import DetectionSettings
-from rcdn.batch.moments import cameras_in, chosen_by_any, moments_of
+from rcdn.batch.moments import cameras_in, chosen_by_any, moments_note, moments_of
 from rcdn.batch.no_board import note_target
 from rcdn.batch.pose_boards import PoseBoards
 from rcdn.batch.pose_outputs import tell_poses
@@ -82,8 +82,8 @@ def _moments(found: Mapping[str, Gathered], taken: PoseBoards) -> dict[str, dict
     from rcdn.io.finding import natural
 
     keys, way = moments_of([[image.path for image in got.images] for got in found.values()])
-    if way != "name":
-        console.note(f"note: pictures belong together by {way}")
+    if note := moments_note(keys, way):
+        console.note(note)
     out: dict[str, dict[str, Board]] = {}
     for (name, got), each in zip(found.items(), keys, strict=True):
         for moment, image in zip(each, got.images, strict=True):

@@ -11,7 +11,7 @@ from rcdn.batch.calibration_outputs import Outputs
 from rcdn.batch.calibration_runs import BoardReader, Problem, flat, pictures_of
 from rcdn.batch.camera_files import rig_refusal, write_rig_files
 from rcdn.batch.known_cameras import camera_paths, known_cameras
-from rcdn.batch.moments import cameras_in, chosen_by_any, moments_of
+from rcdn.batch.moments import cameras_in, chosen_by_any, moments_note, moments_of
 from rcdn.batch.pairs import stems
 from rcdn.batch.rig_lags import in_step, with_neighbours
 from rcdn.errors import CalibrationError, many
@@ -79,8 +79,8 @@ def _calibrated(
     pictures = [[image.path for image in got.images] for got in found.values()]
     videos = all(got.one_video for got in found.values())
     keys, way = ([stems(names) for names in pictures], "name") if videos else moments_of(pictures)
-    if way != "name":
-        console.note(f"note: pictures belong together by {way}")
+    if not videos and (note := moments_note(keys, way)):
+        console.note(note)
     moments = {
         name: [k for k, image in zip(each, got.images, strict=True) for _ in image.boards]
         for (name, got), each in zip(found.items(), keys, strict=True)
