@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
+from unicodedata import normalize
 
 import cv2
 import numpy as np
@@ -12,7 +14,7 @@ from typer.testing import CliRunner
 
 from rcdn.batch.saved_cameras import a_file_a_camera
 from rcdn.cli import app
-from rcdn.io import write_rig
+from rcdn.io import read_rig, write_rig
 from rcdn.types import Pose, Rig
 from rcdn_lab.camera_scenes import SIZE, SPACING, board, random_pose, see
 from rcdn_lab.rig_scenes import row
@@ -103,6 +105,15 @@ def test_inputs_of_other_names_count_in_the_rigs_order(made):
     result = run("left.json", "right.json", "--rig", "rig.json")
     assert result.exit_code == 0, result.output
     assert "taken for c0, c1, in this order" in result.stderr
+
+
+def test_a_rigs_name_may_spell_accents_in_another_way(made):
+    write_rig("rig.json", replace(read_rig("rig.json"), names=("première", "c1")))
+    Path("c0.json").rename(normalize("NFD", "première.json"))
+    result = run("c1.json", normalize("NFD", "première.json"), "--rig", "rig.json")
+    assert result.exit_code == 0, result.output
+    assert result.stdout.count("by c1, première") + result.stdout.count("by première, c1") == 4
+    assert "in this order" not in result.stderr
 
 
 def test_wrong_use_is_said(made):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from unicodedata import normalize
 
 import pytest
 
@@ -51,6 +52,15 @@ def test_numbers_that_count_nothing_tell_only_where_most_are_shared():
     one = ["dawn_7.png", "noon_8.png", "dusk_9.png", *numbered("a_{}.png", *range(10, 20))]
     two = ["red_7.png", "blue_8.png", "green_9.png", *numbered("b_{}.png", *range(20, 30))]
     assert moments_of([one, two])[1] == "order"
+
+
+def test_moments_of_names_whose_accents_are_spelled_in_two_ways():
+    names = [f"café {letter}.png" for letter in "abcd"]
+    two = [normalize("NFD", f"r/{name}") for name in (*names[:1], *names[2:])]
+    assert moments_of([names, two]) == (
+        [["café a", "café b", "café c", "café d"], ["café a", "café c", "café d"]],
+        "name",
+    )
 
 
 def test_nothing_is_said_where_most_names_are_shared():

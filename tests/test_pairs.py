@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from unicodedata import normalize
+
 import pytest
 
 from rcdn.batch.pair_file import PairFile
-from rcdn.batch.pairs import pair_names, pairing_hint
+from rcdn.batch.pairs import Pairing, pair_names, pairing_hint
 from rcdn.errors import ConfigError
 
 
@@ -58,6 +60,12 @@ def test_numbers_that_count_nothing_do_not_pair_a_few():
     left = ["dawn_7", "noon_8", "dusk_9", *(f"a_{k}" for k in range(10, 20))]
     right = ["red_7", "blue_8", "green_9", *(f"b_{k}" for k in range(20, 30))]
     assert pair_names(left, right).way == "order"
+
+
+def test_accents_that_are_spelled_in_two_ways_are_the_same():
+    left = [f"l/café {letter}.png" for letter in "abc"]
+    right = [normalize("NFD", f"r/café {letter}.png") for letter in "ca"]
+    assert pair_names(left, right) == Pairing([(0, 1), (2, 0)], "name")
 
 
 def test_numbers_with_other_zeros():
@@ -122,6 +130,14 @@ def match(tmp_path, text, left=LEFT, right=RIGHT, unread=()):
 )
 def test_a_file_of_pairs(tmp_path, text):
     assert match(tmp_path, text) == [(0, 1), (1, 2)]
+
+
+def test_a_file_of_pairs_may_spell_accents_in_another_way(tmp_path):
+    left, right = ["/data/été.png", "/data/hiver.png"], [normalize("NFD", "r/août.png"), "r/mai.png"]
+    assert match(tmp_path, normalize("NFD", "été août"), left, right) == [(0, 0)]
+    assert match(tmp_path, "/data/hiver mai\nété.png r/août.png", left, right) == [(0, 0), (1, 1)]
+    both = ["/data/é.png", normalize("NFD", "/data/é.png")]
+    assert match(tmp_path, normalize("NFD", "/data/é.png mai"), both, right) == [(1, 1)]  # as it is spelled there
 
 
 def test_frames_and_names_beside_the_file(tmp_path):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from unicodedata import normalize
 
 import numpy as np
 import pytest
@@ -65,6 +66,21 @@ def test_saved_pictures_of_one_name_and_other_corners_are_all_used(home):
         "c.json: 2 pictures are named as others whose corners differ; they are used as c.json/3.png, c.json/2.png",
     )
     assert got.saved["b/b.json/2.png"] == Path("b")
+
+
+def test_accents_spelled_in_two_ways_are_one_name(home):
+    one, two = "café.png", normalize("NFD", "café.png")
+    write_detections("a.json", [seen(one, (5, 6))])
+    write_detections("b.json", [seen(two, (5, 6))])
+    write_detections("c.json", [seen(two, (30, 9))])
+    assert places(found("a.json", "b.json")) == [(one, 5, 6)]
+    assert places(found("a.json", "c.json")) == [(one, 5, 6), (f"c.json/{two}", 30, 9)]
+
+
+def test_pictures_that_differ_in_the_spelling_of_accents_only_are_two(home):
+    one, two = "café.png", normalize("NFD", "café.png")
+    got = distinct([(None, seen(one, (5, 6))), (None, seen(two, (5, 6))), (Path("a.json"), seen(two, (5, 6)))])
+    assert [i.path for i in got.images] == [one, two]
 
 
 def test_one_name_for_several_images_of_a_file_gives_each_its_own(home):

@@ -12,6 +12,7 @@ from typing import Annotated
 
 import typer
 
+from rcdn.batch.spellings import composed, composed_path
 from rcdn.errors import ConfigError
 
 Pairs = Annotated[
@@ -132,13 +133,16 @@ def _find(name: str, side: int, sides: tuple[list[str], list[str]], folder: Path
 
 
 def _matches(name: str, pictures: Sequence[str], folder: Path) -> list[int]:
-    """Indices of the pictures that match `name` by the strictest rule that any picture satisfies."""
+    """Indices of the pictures that match `name` by the strictest rule that any picture satisfies; accents may be
+    spelled in two ways."""
     absolute = {os.path.abspath(name), os.path.abspath(folder / name)}
-    parts = PurePath(os.path.normpath(name)).parts
-    exact = [k for k, p in enumerate(pictures) if p == name or os.path.abspath(p) in absolute]
+    same = [k for k, p in enumerate(pictures) if p == name or os.path.abspath(p) in absolute]
+    absolute, pictures = set(map(composed, absolute)), list(map(composed, pictures))
+    parts = PurePath(os.path.normpath(composed(name))).parts
+    exact = [k for k, p in enumerate(pictures) if composed_path(p) in absolute]
     ends = [k for k, p in enumerate(pictures) if PurePath(p).parts[-len(parts) :] == parts]
     bare = [k for k, p in enumerate(pictures) if PurePath(p).with_suffix("").parts[-len(parts) :] == parts]
-    return exact or ends or bare
+    return same or exact or ends or bare
 
 
 def _refuse(path: Path, bad: Sequence[tuple[int, str]]) -> None:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import PurePath
 
+from rcdn.batch.spellings import composed
 from rcdn.errors import ConfigError, many
 
 SIDES = (("left", "right"), ("cam0", "cam1"), ("l", "r"), ("0", "1"), ("1", "2"))
@@ -109,11 +110,12 @@ def _some(names: Sequence[str]) -> str:
 
 def _stem(name: str) -> str:
     path, mark, frame = name.rpartition("#")
-    return f"#{frame}" if mark and path else PurePath(name).stem.lower()
+    return f"#{frame}" if mark and path else composed(PurePath(name).stem).lower()
 
 
 def stems(names: Sequence[str]) -> list[str]:
-    """The names without folders and endings, in lower case; for a frame of a video, its number."""
+    """The names without folders and endings, in lower case and one spelling of accents; for a frame of a video, its
+    number."""
     return [_stem(n) for n in names]
 
 

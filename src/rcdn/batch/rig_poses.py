@@ -13,6 +13,7 @@ from rcdn.batch.moments import cameras_in, chosen_by_any, moments_note, moments_
 from rcdn.batch.no_board import note_target
 from rcdn.batch.pose_boards import PoseBoards
 from rcdn.batch.pose_outputs import tell_poses
+from rcdn.batch.spellings import composed
 from rcdn.errors import ConfigError
 from rcdn.terminal import console
 from rcdn.terminal.group import one_line
@@ -67,6 +68,10 @@ def _named(rig: Rig, cameras: Mapping[str, list[str]], path: Path) -> dict[str, 
     """The inputs by the names of the rig's cameras: matched by name, or by order if there are equally many."""
     if set(cameras) <= set(rig.names):
         return dict(cameras)
+    spelled = {composed(name): name for name in rig.names}
+    out = {spelled[composed(name)]: inputs for name, inputs in cameras.items() if composed(name) in spelled}
+    if len(out) == len(cameras):
+        return out
     if len(cameras) == len(rig):
         console.note(f"note: the inputs are taken for {', '.join(rig.names)}, in this order")
         return dict(zip(rig.names, cameras.values(), strict=True))

@@ -4,6 +4,7 @@ own."""
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rcdn.batch.spellings import composed, composed_path
 from rcdn.errors import many
 from rcdn.terminal.group import one_line
 
@@ -45,11 +47,16 @@ def distinct(images: Iterable[tuple[Path | None, ImageResult]]) -> Distinct:
 
     Of one name, images with the same corners are one picture, of which the first counts. Saved images with other
     corners are other pictures: each is renamed to FILE/NAME after its file. A picture that was read and what was saved
-    under its name count once, the first of them.
+    under its name count once, the first of them. Accents may be spelled in two ways, except where two pictures that
+    were read differ in that only.
     """
+    listed = list(images)
+    read_as = Counter(map(composed, {os.path.abspath(image.path) for file, image in listed if file is None}))
     groups: dict[str, list[_Entry]] = {}
-    for place, (file, image) in enumerate(images):
-        groups.setdefault(os.path.abspath(image.path), []).append(_Entry(place, file, image))
+    for place, (file, image) in enumerate(listed):
+        path = os.path.abspath(image.path)
+        key = path if read_as[composed(path)] > 1 else composed(path)
+        groups.setdefault(key, []).append(_Entry(place, file, image, key))
     read = {name for name, group in groups.items() if any(entry.file is None for entry in group)}
     return _Names(set(groups), read).of(groups.values())
 
@@ -75,11 +82,13 @@ def _corners(image: ImageResult, boards: bool) -> Array:
 
 @dataclass(frozen=True)
 class _Entry:
-    """The `image` at a `place` of the inputs, and the `file` of saved detections that holds it, if any."""
+    """The `image` at a `place` of the inputs, the `file` of saved detections that holds it, if any, and the `key` that
+    all images of its name have."""
 
     place: int
     file: Path | None
     image: ImageResult
+    key: str
 
 
 @dataclass
@@ -110,7 +119,7 @@ def _cells(entry: _Entry) -> Array:
 
 @dataclass
 class _Names:
-    """The names `taken`, as absolute paths, and of these the pictures that were `read`; by file of saved detections the
+    """The keys of names that are `taken`, and of these the pictures that were `read`; by file of saved detections the
     new names of the images `renamed`, and the names of those `left_out` though their corners differ; the `last` number
     that was tried of each file and name."""
 
@@ -127,7 +136,7 @@ class _Names:
         folders = {
             image.path: entry.file.parent
             for image, (entry, _) in zip(images, kept, strict=True)
-            if entry.file is not None and os.path.abspath(entry.image.path) not in self.read
+            if entry.file is not None and entry.key not in self.read
         }
         notes = [_note_renamed(file, names) for file, names in self.renamed.items()]
         notes += [_note_left_out(file, names) for file, names in self.left_out.items()]
@@ -141,7 +150,7 @@ class _Names:
             file = entry.file or first.file
             if file is None or any(same_corners(k.image, entry.image) for k in kept.near(entry)):
                 continue
-            if os.path.abspath(first.image.path) in self.read:
+            if first.key in self.read:
                 self.left_out.setdefault(file, []).append(entry.image.path)
             else:
                 kept.add(entry)
@@ -152,10 +161,10 @@ class _Names:
         if entry.file is None:
             return entry.image
         name, path = entry.image.path.lstrip("/\\"), ""
-        while not path or os.path.abspath(path) in self.taken:
+        while not path or composed_path(path) in self.taken:
             number = self.last[entry.file, name] = self.last.get((entry.file, name), 0) + 1
             path = f"{entry.file}/{name}" if number == 1 else f"{entry.file}/{number}/{name}"
-        self.taken.add(os.path.abspath(path))
+        self.taken.add(composed_path(path))
         self.renamed.setdefault(entry.file, []).append(path)
         return replace(entry.image, path=path)
 
