@@ -1,5 +1,5 @@
-"""Grouping the pictures of several cameras that were taken at the same moment: by name, else by number, else by
-order."""
+"""Grouping the pictures of several cameras that were taken at the same moment: by time stamps that differ, else by
+name, else by number, else by order."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rcdn.batch.pairs import FEWEST, distinct_keys, one_counter, stems, trailing_numbers
+from rcdn.batch.pairs import distinct_keys, one_counter, stems, trailing_numbers
+from rcdn.batch.time_stamps import FEWEST, by_time
 from rcdn.errors import ConfigError, many
 
 if TYPE_CHECKING:
@@ -50,13 +51,17 @@ def chosen_by_any(frames: Sequence[Numbers]) -> Numbers:
 
 
 def moments_of(pictures: Sequence[Sequence[str]]) -> tuple[list[list[str]], str]:
-    """For each camera the moments of its pictures, and the rule that determined them: name, number or order.
+    """For each camera the moments of its pictures, and the rule that determined them: name, number, order, or time with
+    how far the stamps of one moment are apart.
 
-    By the file names, else by the last number in them, provided that most moments are then shared by several cameras;
-    else by the rule of these under which every camera shares FEWEST moments or more with others (numbers: only if each
-    camera counts its pictures), since cameras may have pictures of their own; else by order, if all cameras have
-    equally many pictures. Raises ConfigError if none of these rules applies.
+    By time stamps in the names that differ by little (`by_time`), else by the file names, else by the last number in
+    them, provided that most moments are then shared by several cameras. Else by name or number if every camera then
+    shares FEWEST moments or more with others (numbers: only if each camera counts its pictures), since cameras may have
+    pictures of their own; else by order, if all cameras have equally many pictures. Raises ConfigError if none of these
+    rules applies.
     """
+    if (timed := by_time([stems(names) for names in pictures])) is not None:
+        return timed.keys, f"time, at most {timed.apart} apart"
     ways: list[tuple[str, Callable[[Sequence[str]], list[str]]]] = [("name", stems), ("number", trailing_numbers)]
     found = [(way, [keys_of(names) for names in pictures]) for way, keys_of in ways]
     found = [(way, keys) for way, keys in found if all(map(distinct_keys, keys))]

@@ -1,4 +1,5 @@
-"""Pairing the pictures of two cameras that were taken at the same moment: by name, else by number, else by order."""
+"""Pairing the pictures of two cameras that were taken at the same moment: by time stamps that differ, else by name,
+else by number, else by order."""
 
 from __future__ import annotations
 
@@ -9,20 +10,19 @@ from dataclasses import dataclass
 from pathlib import PurePath
 
 from rcdn.batch.spellings import composed
+from rcdn.batch.time_stamps import FEWEST, by_time
 from rcdn.errors import ConfigError, many
 
 SIDES = (("left", "right"), ("cam0", "cam1"), ("l", "r"), ("0", "1"), ("1", "2"))
 """words in file names that denote the left and the right camera"""
 SHOWN = 3
 """the largest number of names listed in a sentence"""
-FEWEST = 3
-"""fewest moments that two cameras share by name or number where most pictures have no partner"""
 
 
 @dataclass(frozen=True)
 class Pairing:
     """`pairs`: (index of the left picture, index of the right one), in the order of the left ones; `way`: the rule that
-    was used: `name`, `number` or `order`."""
+    was used: `name`, `number`, `order`, or `time` with how far the stamps of a pair are apart."""
 
     pairs: list[tuple[int, int]]
     way: str
@@ -31,12 +31,14 @@ class Pairing:
 def pair_names(left: Sequence[str], right: Sequence[str]) -> Pairing:
     """Pair the pictures of the left camera with those of the right one.
 
-    By the file names without the word that denotes the camera (a/01.png and b/01.png, left_01 and right_01), else by
-    the last number in the names, provided that most pictures of the camera with fewer then have a partner. Else by the
-    rule of these that gives FEWEST pairs or more (numbers: only if each camera counts its pictures), else by order if
-    both have equally many. Frames of two videos are paired by frame number. Raises ConfigError if none of these rules
-    applies.
+    By time stamps in the names that differ by little (`by_time`), else by the file names without the word that denotes
+    the camera (a/01.png and b/01.png, left_01 and right_01), else by the last number in the names, provided that most
+    pictures of the camera with fewer then have a partner. Else by name or number if that gives FEWEST pairs or more
+    (numbers: only if each camera counts its pictures), else by order if both have equally many. Frames of two
+    videos are paired by frame number. Raises ConfigError if none of these rules applies.
     """
+    if (timed := by_time([stems(left), stems(right)])) is not None:
+        return Pairing(_with_partner(*timed.keys), f"time, at most {timed.apart} apart")
     found = list(_pairings(left, right))
     for each in found:
         if 2 * len(each.pairs) > min(len(left), len(right)):
@@ -61,8 +63,13 @@ def _pairings(left: Sequence[str], right: Sequence[str]) -> Iterator[Pairing]:
     ):  # fmt: skip
         one, two = of_left(left), of_right(right)
         if distinct_keys(one) and distinct_keys(two):
-            at = {key: k for k, key in enumerate(two)}
-            yield Pairing([(k, at[key]) for k, key in enumerate(one) if key in at], way)
+            yield Pairing(_with_partner(one, two), way)
+
+
+def _with_partner(left: Sequence[str], right: Sequence[str]) -> list[tuple[int, int]]:
+    """The indices of the same key on both sides."""
+    at = {key: k for k, key in enumerate(right)}
+    return [(k, at[key]) for k, key in enumerate(left) if key in at]
 
 
 def pairing_hint(left: Sequence[str], right: Sequence[str], found: Pairing) -> str:
