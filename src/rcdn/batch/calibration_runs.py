@@ -13,6 +13,7 @@ from rcdn.batch.calibration_outputs import Outputs
 from rcdn.batch.detection_settings import DetectionSettings
 from rcdn.batch.no_board import note_target
 from rcdn.batch.pair_file import PairFile
+from rcdn.batch.video_rates import rates_note
 from rcdn.errors import CalibrationError, ConfigError, many
 from rcdn.terminal import console
 from rcdn.terminal.group import one_line
@@ -185,6 +186,8 @@ def two_cameras(
     )
     left = reader.gather(inputs[:1], silent=READ_IN_A_MIRROR)
     right = reader.gather(inputs[1:], left.frames or None, silent=READ_IN_A_MIRROR)
+    if note := rates_note([left, right]):
+        console.note(note)
     left, right = reader.seen_from_behind("left", inputs[:1], left), reader.seen_from_behind("right", inputs[1:], right)
     reader.check(left, problem.spacing)
     reader.check(right, problem.spacing)

@@ -14,6 +14,7 @@ from rcdn.batch.no_board import note_target
 from rcdn.batch.pose_boards import PoseBoards
 from rcdn.batch.pose_outputs import tell_poses
 from rcdn.batch.spellings import composed
+from rcdn.batch.video_rates import rates_note
 from rcdn.errors import ConfigError
 from rcdn.terminal import console
 from rcdn.terminal.group import one_line
@@ -40,6 +41,8 @@ def rig_poses(
     cameras = _named(rig, cameras_in(inputs), path)
     gather = partial(_gathered, settings)
     found = {name: gather(each) for name, each in cameras.items()}
+    if note := rates_note(found.values()):
+        console.note(note)
     chosen = chosen_by_any([got.frames for got in found.values()])
     found = {
         name: gather(cameras[name], chosen) if chosen and got.frames != chosen else got for name, got in found.items()

@@ -14,6 +14,7 @@ from rcdn.batch.known_cameras import camera_paths, known_cameras
 from rcdn.batch.moments import cameras_in, chosen_by_any, moments_note, moments_of
 from rcdn.batch.pairs import stems
 from rcdn.batch.rig_lags import in_step, with_neighbours
+from rcdn.batch.video_rates import rates_note
 from rcdn.errors import CalibrationError, many
 from rcdn.terminal import console
 from rcdn.terminal.spacing import metres
@@ -106,6 +107,8 @@ def _gathered(reader: BoardReader, cameras: Mapping[str, Sequence[str]], problem
     found = {
         name: reader.gather(inputs, cameras=len(cameras), silent=READ_IN_A_MIRROR) for name, inputs in cameras.items()
     }
+    if note := rates_note(found.values()):
+        console.note(note)
     chosen = chosen_by_any([got.frames for got in found.values()])
     chosen = _and_beside_them(chosen) if problem.correct_time else chosen
     for name, inputs in cameras.items():
