@@ -16,6 +16,7 @@ from rcdn.io import (
     ImageResult,
     read_calibration,
     read_camera,
+    read_rig,
     read_stereo,
     read_stereo_calibration,
     write_camera,
@@ -286,6 +287,23 @@ def test_stereo_with_a_file_of_pairs(run):
     result = run("calibrate", a, *FAST, "--pairs", "pairs.txt")
     assert result.exit_code == 2
     assert "give it with --stereo" in result.stderr
+
+
+def test_a_rig_with_a_file_of_moments(run):
+    left, right = rig()
+    order = [3, 1, 4, 0, 2, *range(5, len(right))]
+    a, b = save("l.json", left, "dawn{0}.png"), save("r.json", [right[k] for k in order], "{}x.png")
+    result = run("calibrate", a, b, "--rig", *FAST)
+    assert result.exit_code == 1
+    assert "name those of one moment: --moments moments.txt" in result.stderr
+    Path("moments.txt").write_text("\n".join(f"dawn{k} {order.index(k)}x.png" for k in range(len(left))))
+    result = fine(run("calibrate", a, b, "--rig", *FAST, "--moments", "moments.txt", "-o", "rig.json"))
+    assert "belong together by" not in result.stderr
+    assert np.linalg.norm(read_rig("rig.json").relative("l", "r")[0][:3, 3]) == pytest.approx(0.1, rel=0.02)
+    Path("moments.txt").write_text("dawn0 9x")
+    result = run("calibrate", a, b, "--rig", *FAST, "--moments", "moments.txt")
+    assert result.exit_code == 2
+    assert "line 1: no picture of r is called 9x (it has 6, such as 0x.png)" in result.stderr
 
 
 def test_stereo_says_how_it_paired_by_order(run):

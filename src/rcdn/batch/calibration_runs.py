@@ -21,6 +21,7 @@ from rcdn.terminal.spacing import Length, Lengths, check_spacing, metres, sizes_
 
 if TYPE_CHECKING:
     from rcdn.batch.inputs import Gathered
+    from rcdn.batch.moment_file import MomentFile
     from rcdn.batch.pictures import Pictures
     from rcdn.io import ImageResult
     from rcdn.types import Board, Calibration, StereoCalibration, Verdict
@@ -105,7 +106,7 @@ class Problem:
 
     For one camera: whether its board is `flat`, the views to `leave_out`, the parameters to `fix`, and how many
     pictures to `select`. For several cameras: the files of `cameras` whose lenses are known; for a rig, whether to
-    correct its time offsets.
+    correct its time offsets, and the file of its `moments`, if given.
     """
 
     spacing: Length | Lengths
@@ -117,6 +118,7 @@ class Problem:
     cameras: tuple[Path, ...] = ()
     correct_time: bool = False
     fixed_boards: bool = False
+    moments: MomentFile | None = None
 
 
 def one_camera(reader: BoardReader, inputs: Sequence[str], problem: Problem, outputs: Outputs) -> Verdict | None:

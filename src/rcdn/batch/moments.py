@@ -50,7 +50,7 @@ def chosen_by_any(frames: Sequence[Numbers]) -> Numbers:
     return tuple(tuple(sorted(set().union(*numbers))) for numbers in zip(*frames, strict=True))
 
 
-def moments_of(pictures: Sequence[Sequence[str]]) -> tuple[list[list[str]], str]:
+def moments_of(pictures: Sequence[Sequence[str]], way_out: str = "") -> tuple[list[list[str]], str]:
     """For each camera the moments of its pictures, and the rule that determined them: name, number, order, or time with
     how far the stamps of one moment are apart.
 
@@ -58,7 +58,7 @@ def moments_of(pictures: Sequence[Sequence[str]]) -> tuple[list[list[str]], str]
     them, provided that most moments are then shared by several cameras. Else by name or number if every camera then
     shares FEWEST moments or more with others (numbers: only if each camera counts its pictures), since cameras may have
     pictures of their own; else by order, if all cameras have equally many pictures. Raises ConfigError if none of these
-    rules applies.
+    rules applies; `way_out`: what else than other names helps.
     """
     if (timed := by_time([stems(names) for names in pictures])) is not None:
         return timed.keys, f"time, at most {timed.apart} apart"
@@ -74,25 +74,27 @@ def moments_of(pictures: Sequence[Sequence[str]]) -> tuple[list[list[str]], str]
     if len({len(names) for names in pictures}) == 1:
         return [[str(k) for k in range(len(names))] for names in pictures], "order"
     counts = ", ".join(str(len(names)) for names in pictures)
+    way_out = f", or {way_out}" if way_out else ""
     raise ConfigError(
         f"the cameras' pictures ({counts}) don't belong together by name (a/01.png and b/01.png) or by number "
-        "(a_01.png and b_01.png); give names that do, or as many of each in the same order"
+        f"(a_01.png and b_01.png); give names that do, or as many of each in the same order{way_out}"
     )
 
 
-def moments_note(keys: Sequence[Sequence[str]], way: str) -> str:
-    """A sentence on the rule of `moments_of` that was used; "" if names leave no doubt."""
+def moments_note(keys: Sequence[Sequence[str]], way: str, way_out: str = "") -> str:
+    """A sentence on the rule of `moments_of` that was used, and on the `way_out`; "" if names leave no doubt."""
     if way == "order":
         return (
-            "note: pictures belong together by order, since names and numbers don't say which do; if that is wrong, "
-            "give pictures of one moment one name (a/01.png and b/01.png)"
+            "note: pictures belong together by order, since names and numbers don't say which do. If that is wrong, "
+            f"{way_out or 'give pictures of one moment one name (a/01.png and b/01.png)'}"
         )
     if way == "name" and _most_shared(keys):
         return ""
     shared, alone = _shared_and_alone(keys)
+    way_out = f". If that is wrong, {way_out}" if way_out else ""
     return (
         f"note: pictures belong together by {way}: {many(shared, 'moment')} of several cameras, "
-        f"{alone} of one camera only"
+        f"{alone} of one camera only{way_out}"
     )
 
 

@@ -54,13 +54,13 @@ class PairFile:
         skipped. Raises ConfigError that lists every line without two names, or states that the file can't be read.
         """
         lines, bad = [], []
-        for number, text in enumerate(_text(path).splitlines(), 1):
-            names = _names(text)
+        for number, text in enumerate(read_text(path, "--pairs").splitlines(), 1):
+            names = fields_of(text)
             if len(names) == 2 and all(names):
                 lines.append(PairLine(number, *names))
             elif names:
                 bad.append((number, f"must hold two names, left and right, not {text.strip()!r}"))
-        _refuse(path, bad)
+        refuse_lines(path, bad)
         if len(lines) > 1 and lines[0].left.lower() in HEADERS[0] and lines[0].right.lower() in HEADERS[1]:
             lines = lines[1:]
         if not lines:
@@ -82,7 +82,7 @@ class PairFile:
         pairs, bad = [], []
         for line in self.lines:
             names = (line.left, line.right)
-            if any(_matches(name, unread, folder) for name in names):
+            if any(matching(name, unread, folder) for name in names):
                 continue
             found = [_find(name, side, sides, folder) for side, name in enumerate(names)]
             faults = [fault for _, fault in found if fault]
@@ -95,18 +95,20 @@ class PairFile:
                 bad.append((line.number, " and ".join(faults)))
             else:
                 pairs.append((found[0][0], found[1][0]))
-        _refuse(self.path, bad)
+        refuse_lines(self.path, bad)
         return sorted(pairs)
 
 
-def _text(path: Path) -> str:
+def read_text(path: Path, option: str) -> str:
+    """The text of the file that an `option` names. Raises ConfigError if it can't be read."""
     try:
         return path.read_text(encoding="utf-8-sig", errors="surrogateescape")  # as Python decodes file names
     except OSError as error:
-        raise ConfigError(f"--pairs {path}: can't be read ({error.strerror or error}); check the path") from error
+        raise ConfigError(f"{option} {path}: can't be read ({error.strerror or error}); check the path") from error
 
 
-def _names(line: str) -> list[str]:
+def fields_of(line: str) -> list[str]:
+    """The fields of a line without its comment, separated by one of SEPARATORS or by spaces."""
     text = re.sub(r"(^|\s)#.*", "", line).strip()
     if not text:
         return []
@@ -119,20 +121,20 @@ def _names(line: str) -> list[str]:
 def _find(name: str, side: int, sides: tuple[list[str], list[str]], folder: Path) -> tuple[int, str]:
     """(index, "") of the picture called `name` of one camera (`side`: 0 left, 1 right), or (−1, description of the
     fault)."""
-    found = _matches(name, sides[side], folder)
+    found = matching(name, sides[side], folder)
     if len(found) == 1:
         return found[0], ""
     here, there = ("left", "right") if side == 0 else ("right", "left")
     if found:
         some = " and ".join(sides[side][k] for k in found[:2])
         return -1, f"{name} may be {some}: write more of the folder"
-    if _matches(name, sides[1 - side], folder):
+    if matching(name, sides[1 - side], folder):
         return -1, f"{name} is a picture of the {there} camera: the left one comes first"
     example = f", such as {sides[side][0]}" if sides[side] else ""
     return -1, f"no picture of the {here} camera is called {name} (it has {len(sides[side])}{example})"
 
 
-def _matches(name: str, pictures: Sequence[str], folder: Path) -> list[int]:
+def matching(name: str, pictures: Sequence[str], folder: Path) -> list[int]:
     """Indices of the pictures that match `name` by the strictest rule that any picture satisfies; accents may be
     spelled in two ways."""
     absolute = {os.path.abspath(name), os.path.abspath(folder / name)}
@@ -145,7 +147,8 @@ def _matches(name: str, pictures: Sequence[str], folder: Path) -> list[int]:
     return same or exact or ends or bare
 
 
-def _refuse(path: Path, bad: Sequence[tuple[int, str]]) -> None:
+def refuse_lines(path: Path, bad: Sequence[tuple[int, str]]) -> None:
+    """Raise ConfigError with the number and the fault of each bad line, if there are any."""
     if not bad:
         return
     details = "; ".join(f"line {number}: {text}" for number, text in bad[:MOST_DETAILED])

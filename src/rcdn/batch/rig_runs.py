@@ -15,25 +15,30 @@ from rcdn.batch.moments import cameras_in, chosen_by_any, moments_note, moments_
 from rcdn.batch.pairs import stems
 from rcdn.batch.rig_lags import in_step, with_neighbours
 from rcdn.batch.video_rates import rates_note
-from rcdn.errors import CalibrationError, many
+from rcdn.errors import CalibrationError, ConfigError, many
 from rcdn.terminal import console
 from rcdn.terminal.spacing import metres
 
 if TYPE_CHECKING:
     from rcdn.batch.inputs import Gathered, Numbers
+    from rcdn.batch.moment_file import MomentFile
     from rcdn.types import Array, Camera, FixedBoard, Reason, RigCalibration, Verdict
 
 LISTED = 6
 """recommendations in the summary of a rig"""
+WAY_OUT = "name those of one moment: --moments moments.txt, a file with a line for each, a name for each camera"
+"""what to do where names don't tell which pictures belong together"""
 
 
 def many_cameras(reader: BoardReader, inputs: Sequence[str], problem: Problem, outputs: Outputs) -> Verdict | None:
     """Calibrate the cameras of `inputs`, print a summary, and write the outputs."""
-    from rcdn.io import write_rig_calibration
+    from rcdn.io import is_video, write_rig_calibration
     from rcdn.report.calibration import write_rig_report
     from rcdn.terminal.camera_text import verdict_line
 
     cameras = cameras_in(inputs)
+    if problem.moments is not None and any(is_video(path) for each in cameras.values() for path in each):
+        raise ConfigError("--moments is for pictures and saved detections; frames of videos belong together by number")
     known = known_cameras(problem.cameras, list(cameras))
     outputs = outputs.without_refused(
         lambda path: rig_refusal(path, outputs.format, list(cameras), problem.model, known)
@@ -77,11 +82,7 @@ def _calibrated(
 ) -> RigCalibration:
     from rcdn.calibration import calibrate_rig
 
-    pictures = [[image.path for image in got.images] for got in found.values()]
-    videos = all(got.one_video for got in found.values())
-    keys, way = ([stems(names) for names in pictures], "name") if videos else moments_of(pictures)
-    if not videos and (note := moments_note(keys, way)):
-        console.note(note)
+    keys = _moments(found, problem.moments)
     moments = {
         name: [k for k, image in zip(each, got.images, strict=True) for _ in image.boards]
         for (name, got), each in zip(found.items(), keys, strict=True)
@@ -98,6 +99,20 @@ def _calibrated(
         correct_time=problem.correct_time,
         fixed_boards=problem.fixed_boards,
     )
+
+
+def _moments(found: Mapping[str, Gathered], file: MomentFile | None) -> list[list[str]]:
+    """For each camera the moments of its pictures, by the file of `--moments` if there is one; prints the rule used
+    where names are ambiguous."""
+    pictures = {name: [image.path for image in got.images] for name, got in found.items()}
+    if file is not None:
+        return file.match(pictures, [failed.name for got in found.values() for failed in got.failures])
+    if all(got.one_video for got in found.values()):
+        return [stems(names) for names in pictures.values()]
+    keys, way = moments_of([*pictures.values()], WAY_OUT)
+    if note := moments_note(keys, way, WAY_OUT):
+        console.note(note)
+    return keys
 
 
 def _gathered(reader: BoardReader, cameras: Mapping[str, Sequence[str]], problem: Problem) -> dict[str, Gathered]:

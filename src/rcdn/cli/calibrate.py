@@ -19,6 +19,7 @@ from rcdn.batch.calibration_outputs import (
 from rcdn.batch.calibration_runs import BoardReader, Problem, one_camera, two_cameras
 from rcdn.batch.detection_settings import DetectionSettings
 from rcdn.batch.known_cameras import KnownCameras, camera_paths
+from rcdn.batch.moment_file import MomentFile, Moments
 from rcdn.batch.pair_file import PairFile, Pairs
 from rcdn.batch.rig_runs import many_cameras
 from rcdn.batch.saved_cameras import a_file_a_camera
@@ -80,6 +81,7 @@ def calibrate(
     correct_time: CorrectTime = False,
     fixed_boards: FixedBoards = False,
     pairs: Pairs = None,
+    moments: Moments = None,
     output: CameraFiles = None,
     file_format: CameraFileFormat = None,
     report: ReportFile = None,
@@ -145,22 +147,25 @@ def calibrate(
     for name, given in (("--correct-time", correct_time), ("--fixed-boards", fixed_boards)):
         if given and not rig:
             raise ConfigError(f"{name} is for cameras of a rig; give it with --rig")
+    if moments is not None and not rig:
+        raise ConfigError("--moments is for cameras of a rig; give it with --rig")
     if pairs is not None and not stereo:
         raise ConfigError("--pairs is for two cameras; give it with --stereo")
     if pattern is PatternName.deltille and (board is not None or stereo or rig):
         raise ConfigError("--board and --stereo know boards of squares only; leave them out for a deltille")
     inputs = a_file_a_camera(inputs) if rig else inputs
     outputs = Outputs(output or [], cast("CameraFormat | None", file_format), report, json, force, pictures or ())
-    outputs.check([*inputs, *camera_paths(camera or ()), *([] if pairs is None else [pairs])], rig, stereo)
+    outputs.check([*inputs, *camera_paths(camera or ()), *(p for p in (pairs, moments) if p is not None)], rig, stereo)
     if not (rig or stereo):
         outputs = outputs.without_refused(lambda path: refusal(path, outputs.format, model.value))
     pair_file = None if pairs is None else PairFile.read(pairs)
+    moment_file = None if moments is None else MomentFile.read(moments)
     config = DetectorConfig.preset("auto", pattern=pattern.value, target=target.reads)
     kept = frames if select is None else max(frames, CANDIDATES)
     size = None if board is None else (board.cols, board.rows)
     reader = BoardReader(DetectionSettings(config, open_cache(config, cache, off=no_cache), jobs, size), kept)
     left_out, known = tuple(leave_out or ()), tuple(camera or ())
-    problem = Problem(length, model.value, flat, left_out, fix, select, known, correct_time, fixed_boards)
+    problem = Problem(length, model.value, flat, left_out, fix, select, known, correct_time, fixed_boards, moment_file)
     if rig:
         found = many_cameras(reader, inputs, problem, outputs)
     elif stereo:

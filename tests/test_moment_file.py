@@ -1,0 +1,94 @@
+"""The file that says which pictures of a rig's cameras are of one moment."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from unicodedata import normalize
+
+import pytest
+from typer.testing import CliRunner
+
+from rcdn.batch.moment_file import MomentFile
+from rcdn.cli import app
+from rcdn.errors import ConfigError
+
+CAMERAS = {
+    "a": ["/data/a/dawn.png", "/data/a/noon time.png", "/data/a/été.png"],
+    "b": ["b/1.png", "b/2.png"],
+    "c": ["c/x.png", "c/y.png", "c/s/x.jpg"],
+}
+
+
+def match(tmp_path, text, cameras=CAMERAS, unread=()):
+    file = tmp_path / "moments.txt"
+    file.write_text(text)
+    return MomentFile.read(file).match(cameras, unread)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        'dawn 1 -\n"noon time" - y\n- 2 s/x\n',
+        "# of Monday\ndawn.png,b/1.png,\nnoon time.png,,y.png  # by hand\n-;2.png;c/s/x.jpg\n",
+        'b c a\n1 - dawn\n- y "noon time"\n2 s/x -\n',
+    ],
+)
+def test_a_line_for_each_moment(tmp_path, text):
+    a, b, c = match(tmp_path, text)
+    assert a[0] == b[0]
+    assert a[1] == c[1]
+    assert b[1] == c[2]
+    assert len({*a, *b, *c}) == 5  # two pictures are named by no line
+    assert all(m.isdecimal() for m in (*a, *b, *c))
+
+
+def test_moments_are_counted_by_lines(tmp_path):
+    assert match(tmp_path, "\ndawn 1 x.png\n# none\n- 2 y\n") == [["2", "5", "6"], ["2", "4"], ["2", "4", "7"]]
+
+
+def test_accents_and_pictures_that_were_not_read(tmp_path):
+    got = match(tmp_path, normalize("NFD", "été 1 broken.png"), unread=["/data/c/broken.png"])
+    assert got[0][2] == got[1][0] == "1"
+
+
+def test_every_bad_line_of_moments_is_named(tmp_path):
+    with pytest.raises(ConfigError) as error:
+        match(tmp_path, "dawn 1 y\ndusk 2 x\ndawn -  -\nnoon 2\n- 1 y\n- z -")
+    message = str(error.value)
+    assert "line 1:" not in message
+    assert (
+        "line 2: no picture of a is called dusk (it has 3, such as /data/a/dawn.png) and x may be c/x.png and "
+        "c/s/x.jpg: write more of the folder" in message
+    )
+    assert "line 3: dawn is in line 1, too" in message
+    assert "line 4: must hold 3 names, one for each camera, or -, not 2" in message
+    assert "line 5: 1 is in line 1, too and y is in line 1, too" in message
+    assert "line 6: no picture of b is called z" in message
+
+
+def test_files_without_a_moment(tmp_path):
+    for text in ("# none\n", "a b c\n"):
+        with pytest.raises(ConfigError, match="holds no moments"):
+            match(tmp_path, text)
+    with pytest.raises(ConfigError, match=r"--moments .* can't be read"):
+        MomentFile.read(tmp_path / "none.txt")
+
+
+def calibrate(*words):
+    return CliRunner().invoke(app, ["calibrate", *map(str, words), "--spacing", "30mm", "--no-cache"])
+
+
+def test_moments_are_for_pictures_of_a_rig(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("m.txt").write_text("1 1\n")
+    for folder in ("a", "b"):
+        Path(folder).mkdir()
+    result = calibrate("a", "b", "--stereo", "--moments", "m.txt")
+    assert result.exit_code == 2
+    assert "give it with --rig" in result.stderr
+    result = calibrate("a.mp4", "b.mp4", "--rig", "--moments", "m.txt")
+    assert result.exit_code == 2
+    assert "frames of videos belong together by number" in result.stderr
+    result = calibrate("a", "b", "--rig", "--moments", "m.txt", "--json", "m.txt")
+    assert result.exit_code == 2
+    assert "would overwrite an input" in result.stderr
