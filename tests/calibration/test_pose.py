@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from rcdn.calibration import calibrate, estimate_pose, estimate_rig_pose
+from rcdn.calibration import calibrate, calibrate_rig, calibrate_stereo, estimate_pose, estimate_rig_pose
 from rcdn.errors import CalibrationError, ConfigError, RcdnError
 from rcdn.geometry import rotation
 from rcdn.geometry.order import turn_labels
@@ -232,10 +232,28 @@ def test_four_corners_and_fewer():
 def test_corners_that_the_camera_can_not_see():
     b, T = views(BROWN, 6, 1, noise=0.0)[0]
     xy = b.xy.copy()
-    xy[3] = np.nan
+    xy[3] = 1e5
     assert estimate_pose(replace(b, xy=xy), BROWN, SPACING).T_cam_board == pytest.approx(T, abs=1e-6)
     with pytest.raises(CalibrationError, match="has 0 that this camera can see"):
-        estimate_pose(replace(b, xy=b.xy * np.nan), BROWN, SPACING)
+        estimate_pose(replace(b, xy=b.xy + 1e5), BROWN, SPACING)
+
+
+def test_corners_without_a_position_are_refused_by_all_alike():
+    good = [b for b, _ in views(BROWN, 6, 4)]
+    xy = good[0].xy.copy()
+    xy[3] = np.nan
+    bad = replace(good[0], xy=xy)
+    rig = Rig(("a", "b"), (BROWN, BROWN), (Pose(np.eye(4)), Pose(np.eye(4))))
+    calls = {
+        "board": lambda: estimate_pose(bad, BROWN, SPACING),
+        r"boards\['b'\]": lambda: estimate_rig_pose({"a": good[1], "b": bad}, rig, SPACING),
+        r"boards\[1\]": lambda: calibrate([good[1], bad, *good[2:]], SPACING),
+        r"right\[0\]": lambda: calibrate_stereo(good[1:], [bad, *good[2:]], SPACING),
+        r"views\['b'\]\[2\]": lambda: calibrate_rig({"a": good[:3], "b": [*good[2:], bad]}, SPACING),
+    }
+    for name, call in calls.items():
+        with pytest.raises(ConfigError, match=f"^{name}.xy must be finite; leave out corners that have no position"):
+            call()
 
 
 @pytest.mark.parametrize("spacing", [0, -1, np.nan])

@@ -52,9 +52,11 @@ def check_boards(boards: Any, name: str = "boards") -> None:
 
 
 def check_board(board: Any, name: str = "board") -> None:
-    """Raise ConfigError unless `board` is a Board."""
+    """Raise ConfigError unless `board` is a Board whose corners all have positions."""
     if not isinstance(board, Board):
         raise ConfigError(f"{name} must be a Board, as Detector.boards gives them, not {type(board).__name__}")
+    if not np.isfinite(board.xy).all():
+        raise ConfigError(f"{name}.xy must be finite; leave out corners that have no position")
 
 
 def check_own_boards(

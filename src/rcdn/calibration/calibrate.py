@@ -155,9 +155,6 @@ def check_arguments(boards: Sequence[Board], names: Sequence[str] | None, model:
     if names is not None and (given := len(texts(names, "names"))) != len(boards):
         raise ConfigError(f"names must have one entry a board: {len(boards)}, not {given}")
     given_size(size)
-    for k, board in enumerate(boards):
-        if not np.isfinite(board.xy).all():
-            raise ConfigError(f"boards[{k}].xy must be finite; leave out corners that have no position")
     if not boards:
         raise CalibrationError("no boards: nothing to calibrate from; see what `rcdn detect --overlay` draws")
 

@@ -42,8 +42,8 @@ def estimate_pose(
     `ambiguous` if the difference is not significant. Labels are the board's own: the origin of a partial board is its
     own first corner, that of a board whose codes were read is its target's; `T_cam_target` is then the same pose in the
     coordinates that the target's own tools use. Raises CalibrationError if fewer than 4 corners, or only corners in one
-    line, have viewing rays, and ConfigError for a camera of another picture size than the board's, and for a `shape`
-    without a `spacing`.
+    line, have viewing rays, and ConfigError for a camera of another picture size than the board's, for a corner without
+    a position (NaN), and for a `shape` without a `spacing`.
     """
     side = side_of_square(spacing, shape)
     check_board(board)
@@ -80,8 +80,7 @@ def pose_corners(board: Board, spacing: float, shape: BoardShape | None) -> tupl
     """The corners of one board that one camera saw, and their sigma (N,) px."""
     zero = np.zeros(len(board), int)
     places, basis = on_shape(board.points * spacing, board.ij, None if shape is None else _shape_of(board, shape))
-    xy = np.where(np.isfinite(board.xy), board.xy, np.nan)  # a corner without a position is not used
-    return Corners3(zero, zero, places, xy, basis), np.nan_to_num(sigma_of(board))
+    return Corners3(zero, zero, places, board.xy, basis), np.nan_to_num(sigma_of(board))
 
 
 def _shape_of(board: Board, shape: BoardShape) -> BoardShape:

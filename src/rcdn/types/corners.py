@@ -105,8 +105,9 @@ class Corners(Value):
 class Board(Value):
     """One recovered grid in one image. Labels are relative to the visible part.
 
-    `xy` (M, 2) px; `ij` (M, 2) integer (column, row), row by row, both from 0; the grid is right-handed in the image
-    (columns × rows like x × y). `image_size` (width, height) px. `complete`: no label of the bounding grid is missing.
+    `xy` (M, 2) px, of which calibrations and poses refuse NaN: a corner without a position is to be left out; `ij`
+    (M, 2) integer (column, row), row by row, both from 0; the grid is right-handed in the image (columns × rows like
+    x × y). `image_size` (width, height) px. `complete`: no label of the bounding grid is missing.
     `orientation`: whether the colours determine which corner is (0, 0); see docs/conventions.md.
     `response` (M,), `status` (M,) as in `Corners`. `pattern`: for a `deltille`, i and j run along two edges of a
     triangle, 60° apart, and the extent of the board is unknown, so that it is never `complete`; for an `aprilgrid` they
