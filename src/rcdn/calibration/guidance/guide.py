@@ -5,7 +5,9 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -97,6 +99,14 @@ class Guide:
         self._turns = True
         self._asked, self._before = 0.0, 0.0
         self._plan = planned(self._wish, learned(self._wish, [], [], self._given, SQUARES))
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Everything but the lock, once no other thread is in `add`."""
+        with self._writing:
+            return {**vars(self), "_writing": None, "_stillness": copy(self._stillness)}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state, _writing=threading.Lock())
 
     @property
     def progress(self) -> Progress:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -67,6 +68,14 @@ class PairGuide:
         self._writing = threading.Lock()
         self._moments: dict[str, Moment] = {}
         self._plan = self._planned(None, SQUARES, None)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Everything but the lock, once no other thread is in `add`."""
+        with self._writing:
+            return {**vars(self), "_writing": None, "_sides": tuple(map(copy, self._sides))}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state, _writing=threading.Lock())
 
     @property
     def progress(self) -> PairProgress:
