@@ -48,6 +48,12 @@ class Geometry:
             return "unique"
         return None if self.size is None else CHECKER.orientation(*self.size)
 
+    def can_be_of(self, size: Size) -> bool:
+        """Whether the whole target can be of this `size`, as far as its codes say."""
+        columns, rows = self.size or size
+        open_end = not isinstance(self.target, PuzzleBoard | None) and self.target.rows is None
+        return size[0] == columns and (size[1] >= rows if open_end else size[1] == rows)
+
 
 @dataclass(frozen=True, eq=False)
 class Geometries:
@@ -264,10 +270,10 @@ def _other_sizes(boards: Sequence[Board], whole: Size | None) -> frozenset[Size]
 def _of_size(found: Geometry, size: Size) -> Geometry:
     """The target, with the number of rows that its codes leave open. Raises ConfigError if `size` contradicts the
     codes."""
-    target, (columns, rows) = found.target, found.size or size
-    open_end = not isinstance(target, PuzzleBoard | None) and target.rows is None
-    if size[0] != columns or (size[1] < rows if open_end else size[1] != rows):
+    if not found.can_be_of(size):
+        columns, rows = found.size or size
         raise ConfigError(
-            f"size: the boards' codes say {columns}×{rows} corners ({target}), not {size[0]}×{size[1]}; leave it out"
+            f"size: the boards' codes say {columns}×{rows} corners ({found.target}), not {size[0]}×{size[1]}; "
+            "leave it out"
         )
     return replace(found, size=size)

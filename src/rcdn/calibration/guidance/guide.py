@@ -4,17 +4,18 @@ is sufficient."""
 from __future__ import annotations
 
 import threading
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from rcdn.calibration.arguments import check_board, check_spacing, given_size
+from rcdn.calibration.arguments import check_spacing, given_size
 from rcdn.calibration.calibrate import MODELS
-from rcdn.calibration.coded import Geometries, Spacing
+from rcdn.calibration.coded import Geometries, Spacing, kind_of
 from rcdn.calibration.guidance import gates
+from rcdn.calibration.guidance.arguments import check_accepted, check_by_picture, check_grey, check_of_frame, seconds
 from rcdn.calibration.guidance.hints import Held, hint
 from rcdn.calibration.guidance.progress import Known, Plan, Progress, Wish, learned, planned
 from rcdn.calibration.guidance.quality import quality
@@ -23,7 +24,7 @@ from rcdn.calibration.labels import Size
 from rcdn.calibration.next_view import NextView, distances_of
 from rcdn.calibration.outlines import distances, outline
 from rcdn.calibration.start import Seen, poses
-from rcdn.errors import ConfigError, shown
+from rcdn.errors import ConfigError, RcdnError, shown
 from rcdn.geometry import project
 from rcdn.types import SQUARES, Array, Board, Plane
 from rcdn.types.arrays import Real
@@ -115,33 +116,33 @@ class Guide:
 
     def add(self, board: Board, name: str) -> Progress:
         """Take `board` of the picture `name`, and calibrate again; an existing picture of that name is replaced. Takes
-        up to seconds."""
+        up to seconds. Raises ConfigError for a board that can't be used with the accepted ones, such as one of another
+        kind, and leaves the guide as it was."""
         return self.add_all({name: board})
 
     def add_all(self, boards: Mapping[str, Board]) -> Progress:
-        """`add` for several pictures by name, such as those of an earlier session, with a single calibration."""
+        """`add` for several pictures by name, such as those of an earlier session, with a single calibration: all of
+        them or, if one is refused, none."""
+        check_by_picture(boards, "boards")
         for board in boards.values():
             check_of_frame(board, self._wish.image_size)
         with self._writing:
-            self._boards = {**self._boards, **boards}
-            printed = [self._printed(board) for board in boards.values()]
-            known = (
-                [p for p in printed if p[0] is not None] or printed or [(self._plan.known.size, self._plan.known.plane)]
-            )
-            return self._replanned(*known[0])
+            every = {**self._boards, **boards}
+            return self._replanned(every, *self._whole(every.values()))
 
     def remove(self, name: str) -> Progress:
         """Remove the picture `name`. Raises ConfigError if there is none."""
         with self._writing:
-            if name not in self._boards:
-                raise ConfigError(f"name must be one of the accepted pictures, not {shown(name)}")
-            self._boards = {k: b for k, b in self._boards.items() if k != name}
-            return self._replanned(self._plan.known.size, self._plan.known.plane)
+            check_accepted(name, self._boards)
+            rest = {k: b for k, b in self._boards.items() if k != name}
+            return self._replanned(rest, *self._whole(rest.values()))
 
     def look(self, board: Board | None, time: float, grey: Array | None = None) -> Look:
-        """Judge the board of the frame at `time` s (ascending), None if there is none; `grey` (H, W) uint8: the frame,
-        in whose pixels the board's corners are given, for its sharpness and exposure (None: they are not judged).
+        """Judge the board of the frame at `time`, None if there is none; `grey` (H, W) uint8: the frame, in whose
+        pixels the board's corners are given, for its sharpness and exposure (None: they are not judged). `time` s of
+        any clock, ascending: after an earlier one, as of a video that starts again, the board must be still anew.
         Raises ConfigError for anything else, such as the list that `Detector.boards` returns."""
+        time = seconds(time)
         if board is not None:
             check_of_frame(board, self._wish.image_size)
         if grey is not None:
@@ -154,7 +155,7 @@ class Guide:
         state = self._plan
         now = _Now.of(board, state)
         refused = gates.too_small(board) or self._stillness.moving(board, time) or self._poor(board, now, grey)
-        refused = refused or gates.taken(board, self._boards.values())
+        refused = refused or self._of_another_kind(board) or gates.taken(board, self._boards.values())
         wanted = state.progress.wanted
         if wanted is None or now is None:
             return Look(refused, state.progress.sentence or "Hold the whole board in the picture.")
@@ -171,7 +172,7 @@ class Guide:
     def _other_way(self, board: Board, wanted: NextView, time: float) -> bool:
         """Whether the board must be turned upside down first. A person who was shown that for PATIENCE with the board
         in view cannot, and is not asked again."""
-        since, self._before = min(time - self._before, GLANCE), time
+        since, self._before = float(np.clip(time - self._before, 0, GLANCE)), time
         if not self._turns or wanted.upright is None:
             return False
         way = upright(board, self._plan.known.size)
@@ -186,6 +187,17 @@ class Guide:
             self._turns = False
             self._plan = self._planned(self._plan.known)
         return False
+
+    def _of_another_kind(self, board: Board) -> str:
+        """A board that can't be used with the accepted ones: `add` would refuse it."""
+        every = [*self._boards.values(), board]
+        if len({kind_of(b) for b in every}) == 1:
+            return ""
+        try:
+            Geometries.of(every, self._wish.spacing, self._given)
+        except RcdnError:
+            return "This is another kind of board than in the accepted pictures."
+        return ""
 
     def _poor(self, board: Board, now: _Now | None, grey: Array | None) -> str:
         """Blur and exposure of a board that is still; if it is blurred and nearer or farther than all sharp ones, it is
@@ -221,7 +233,7 @@ class Guide:
         size, plane = self._printed(board)
         if size is not None:
             with self._writing:
-                self._replanned(size, plane)
+                self._replanned(self._boards, size, plane)
 
     def _printed(self, board: Board) -> tuple[Size | None, Plane]:
         """Size and plane of the whole board, from this board or an earlier one; size None if unknown."""
@@ -233,33 +245,28 @@ class Guide:
             return Geometries.of([board], self._wish.spacing).main.size, board.plane
         return (board.size if board.complete else None), board.plane
 
-    def _replanned(self, size: Size | None, plane: Plane = SQUARES) -> Progress:
-        known = learned(self._wish, list(self._boards.values()), list(self._boards), size, plane)
-        self._plan = self._planned(known)
-        return self._plan.progress
+    def _whole(self, boards: Collection[Board]) -> tuple[Size | None, Plane]:
+        """Size and plane of the whole board, from all accepted `boards`: as known, unless their codes say otherwise,
+        since they show more of it than was seen before; size None if unknown."""
+        printed = [self._printed(board) for board in boards] or [(self._plan.known.size, self._plan.known.plane)]
+        size, plane = next((p for p in printed if p[0] is not None), printed[0])
+        coded = [board for board in boards if board.target is not None]
+        if not coded or self._given is not None:
+            return size, plane
+        main = Geometries.of(coded, self._wish.spacing).main
+        return (size, plane) if size is not None and main.can_be_of(size) else (main.size, coded[0].plane)
+
+    def _replanned(self, boards: dict[str, Board], size: Size | None, plane: Plane) -> Progress:
+        """Plan with the accepted `boards`; if that raises an error, the guide is as it was."""
+        known = learned(self._wish, list(boards.values()), list(boards), size, plane)
+        plan = self._planned(known)
+        self._boards, self._plan = boards, plan
+        return plan.progress
 
     def _planned(self, known: Known) -> Plan:
         if not self._turns:
             known = replace(known, way=None, turn=False)
         return planned(self._wish, known, self._sharp)
-
-
-def check_of_frame(board: Board, image_size: Size, name: str = "board") -> None:
-    """Raise ConfigError unless `board` is one Board of a picture of `image_size` (width, height)."""
-    if isinstance(board, (list, tuple)):
-        raise ConfigError(f"{name} must be one Board or None, not a {type(board).__name__}: give one of its boards")
-    check_board(board, name)
-    if board.image_size != image_size:
-        (w, h), (width, height) = board.image_size, image_size
-        raise ConfigError(f"{name} must be of a picture of {width}×{height} px, not {w}×{h}")
-
-
-def check_grey(grey: Array, image_size: Size, name: str = "grey") -> None:
-    """Raise ConfigError unless `grey` is a grey picture of `image_size` (width, height) with 8 bits."""
-    width, height = image_size
-    if not isinstance(grey, np.ndarray) or grey.shape != (height, width) or grey.dtype != np.uint8:
-        what = f"{grey.shape} {grey.dtype}" if isinstance(grey, np.ndarray) else type(grey).__name__
-        raise ConfigError(f"{name} must be the whole frame in grey, an array ({height}, {width}) of uint8, not {what}")
 
 
 @dataclass(frozen=True, eq=False)

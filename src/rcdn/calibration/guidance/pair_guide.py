@@ -13,15 +13,16 @@ import numpy as np
 
 from rcdn.calibration.added_pair import SideForecast
 from rcdn.calibration.coded import Spacing
+from rcdn.calibration.guidance.arguments import check_accepted, check_by_picture, check_grey, check_of_frame, seconds
 from rcdn.calibration.guidance.gates import TAKEN
-from rcdn.calibration.guidance.guide import FEWEST_CORNERS, Guide, Look, check_grey, check_of_frame
+from rcdn.calibration.guidance.guide import FEWEST_CORNERS, Guide, Look
 from rcdn.calibration.guidance.pair_estimate import Moment, PairKnown, pair_learned
 from rcdn.calibration.guidance.pair_progress import BOTH, PairPlan, PairProgress, pair_planned
 from rcdn.calibration.guidance.progress import Known, Plan, Progress, Wish
 from rcdn.calibration.labels import Size
 from rcdn.calibration.next_pair import NO_OUTLINES
 from rcdn.calibration.outlines import outline
-from rcdn.errors import ConfigError, present, shown
+from rcdn.errors import ConfigError, present
 from rcdn.types import SQUARES, Array, Board, Plane
 
 SIDES = ("Left", "Right")
@@ -67,7 +68,7 @@ class PairGuide:
         self._sides = (left, right)
         self._writing = threading.Lock()
         self._moments: dict[str, Moment] = {}
-        self._plan = self._planned(None, SQUARES, None)
+        self._plan = self._planned({}, None)
 
     def __getstate__(self) -> dict[str, Any]:
         """Everything but the lock, once no other thread is in `add`."""
@@ -88,31 +89,31 @@ class PairGuide:
         return self._plan.known.size
 
     def add(self, boards: Moment, name: str) -> PairProgress:
-        """Take the `boards` of one moment, called `name`, and calibrate again; takes up to seconds."""
+        """Take the `boards` of one moment, called `name`, and calibrate again; takes up to seconds. Boards that are
+        refused leave the guide as it was."""
         return self.add_all({name: boards})
 
     def add_all(self, moments: Mapping[str, Moment]) -> PairProgress:
-        """`add` for several moments by name, with a single calibration."""
+        """`add` for several moments by name, with a single calibration: all of them or, if one is refused, none."""
+        check_by_picture(moments, "moments")
         for name, boards in moments.items():
             if not _is_pair(boards) or all(b is None for b in boards):
                 raise ConfigError(f"{name} {PAIR}, one of them at least")
             self._check(boards, name)
         with self._writing:
-            self._moments = {**self._moments, **moments}
-            return self._replanned()
+            return self._replanned({**self._moments, **moments})
 
     def remove(self, name: str) -> PairProgress:
         """Remove the moment `name`. Raises ConfigError if there is none."""
         with self._writing:
-            if name not in self._moments:
-                raise ConfigError(f"name must be one of the accepted pictures, not {shown(name)}")
-            self._moments = {k: b for k, b in self._moments.items() if k != name}
-            return self._replanned()
+            check_accepted(name, self._moments)
+            return self._replanned({k: b for k, b in self._moments.items() if k != name})
 
     def look(self, boards: Moment, time: float, greys: Sequence[Array] | None = None) -> PairLook:
-        """Judge the boards of the moment `time` s (ascending), None where there is none; `greys`: the frames (H, W)
-        uint8 (None: their sharpness and exposure are not judged). Raises ConfigError for anything else."""
+        """Judge the boards of one moment, None where there is none; `time` as in `Guide.look`; `greys`: the frames
+        (H, W) uint8 (None: their sharpness and exposure are not judged). Raises ConfigError for anything else."""
         self._check(boards, "boards", greys)
+        time = seconds(time)
         plan = self._plan
         both = all(b is not None and len(b) >= FEWEST_CORNERS for b in boards)
         for k, side in enumerate(self._sides):
@@ -137,18 +138,37 @@ class PairGuide:
             if greys is not None:
                 check_grey(greys[k], side.wish.image_size, f"greys[{k}]")
 
-    def _replanned(self) -> PairProgress:
-        for k, side in enumerate(self._sides):
-            side.hold({n: b for n, m in self._moments.items() if (b := m[k]) is not None})
-        size, plane = next((p for p in (s.printed for s in self._sides) if p[0] is not None), (None, SQUARES))
-        self._plan = self._planned(size, plane, self._plan.known)
-        return self._plan.progress
+    def _replanned(self, moments: dict[str, Moment]) -> PairProgress:
+        """Plan with the accepted `moments`; if that raises an error, the guide is as it was."""
+        plan = self._planned(moments, self._plan.known)
+        for side, boards in zip(self._sides, _by_side(moments), strict=True):
+            side.hold(boards)
+        self._moments, self._plan = moments, plan
+        return plan.progress
 
-    def _planned(self, size: Size | None, plane: Plane, before: PairKnown | None) -> PairPlan:
-        wishes = (self._sides[0].wish, self._sides[1].wish)
-        known = pair_learned(wishes, list(self._moments.values()), list(self._moments), size, plane, before)
-        left, right = self._sides
-        return pair_planned(wishes, known, (left.sharp, right.sharp), (left.outlines, right.outlines))
+    def _planned(self, moments: Mapping[str, Moment], before: PairKnown | None) -> PairPlan:
+        (left, right), boards = self._sides, _by_side(moments)
+        size, plane = self._whole(boards)
+        wishes = (left.wish, right.wish)
+        known = pair_learned(wishes, list(moments.values()), list(moments), size, plane, before)
+        return pair_planned(wishes, known, (left.sharp, right.sharp), (_outlines(boards[0]), _outlines(boards[1])))
+
+    def _whole(self, boards: Sequence[Mapping[str, Board]]) -> tuple[Size | None, Plane]:
+        """Size and plane of the whole board, as the accepted `boards` of both cameras show it; size None if unknown."""
+        every = [board for mine in boards for board in mine.values()]
+        printed = [side.whole(every) for side in self._sides]
+        return next((p for p in printed if p[0] is not None), (None, SQUARES))
+
+
+def _by_side(moments: Mapping[str, Moment]) -> tuple[dict[str, Board], dict[str, Board]]:
+    """The boards of the left and of the right camera by the moments' names."""
+    left, right = ({n: b for n, m in moments.items() if (b := m[k]) is not None} for k in (0, 1))
+    return left, right
+
+
+def _outlines(boards: Mapping[str, Board]) -> Array:
+    """(N, 4, 2) outlines of boards."""
+    return np.stack([outline(b) for b in boards.values()]) if boards else NO_OUTLINES
 
 
 def _is_pair(values: Any) -> bool:
@@ -207,21 +227,13 @@ class _Side(Guide):
         """m: the depth of field, as far as it is known."""
         return self._sharp
 
-    @property
-    def printed(self) -> tuple[Size | None, Plane]:
-        """Size and plane of the whole board; size None if unknown."""
-        found = [self._printed(board) for board in self._boards.values()]
-        own = (self._plan.known.size, self._plan.known.plane)
-        return next((p for p in [*found, own] if p[0] is not None), own)
+    def whole(self, boards: Sequence[Board]) -> tuple[Size | None, Plane]:
+        """Size and plane of the whole board, from accepted `boards` of both cameras; size None if unknown."""
+        return self._whole(boards)
 
-    @property
-    def outlines(self) -> Array:
-        """(N, 4, 2) outlines of the accepted boards."""
-        return np.stack([outline(b) for b in self._boards.values()]) if self._boards else NO_OUTLINES
-
-    def hold(self, boards: Mapping[str, Board]) -> None:
+    def hold(self, boards: dict[str, Board]) -> None:
         """The boards of this camera that were taken."""
-        self._boards = dict(boards)
+        self._boards = boards
 
     def follow(self, plan: PairPlan, side: int, both: bool) -> None:
         """Judge frames by `plan`; `both`: whether both cameras have found the board."""
