@@ -234,6 +234,22 @@ def test_a_camera_that_is_given_twice_in_a_rig_is_refused_by_both_names(seen):
         calibrate_rig(few, SPACING, moments={"all": moments["c1"], "some": moments["c1"][1:]}, model="pinhole")
 
 
+def test_order_pairs_boards_of_cameras_that_have_as_many(seen):
+    """Of lists of different lengths one lacks a board somewhere, and from there on all would be paired wrongly."""
+    boards, moments = seen
+    shared = [m for m in moments["c0"] if m in moments["c1"]]
+    pair = {n: [b for b, m in zip(boards[n], moments[n], strict=True) if m in shared] for n in ("c0", "c1")}
+    lacking = {"c0": pair["c0"], "c1": [*pair["c1"][:3], *pair["c1"][4:]]}
+    n = len(shared)
+    message = f"views: c0 has {n} boards, c1 has {n - 1} boards: say at which moment each .* moments={{'c0': "
+    with pytest.raises(ConfigError, match=message):
+        calibrate_rig(lacking, SPACING, model=MODELS)
+    when = {"c0": shared, "c1": [*shared[:3], *shared[4:]]}
+    found = calibrate_rig(lacking, SPACING, moments=when, model=MODELS)
+    assert len(found.boards) == n
+    assert found.pairs[0].shared == found.pairs[0].used == n - 1
+
+
 def test_the_json_of_a_rigs_calibration_is_read_as_its_rig(found, tmp_path):
     write_rig_calibration(tmp_path / "all.json", found)
     read = read_rig(tmp_path / "all.json")

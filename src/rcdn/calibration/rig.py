@@ -35,7 +35,7 @@ from rcdn.calibration.rig_solution import RigSolution
 from rcdn.calibration.rig_start import Key
 from rcdn.calibration.rig_task import RigTask
 from rcdn.calibration.time_shift import InStep, by_name, in_step
-from rcdn.errors import CalibrationError, ConfigError, said_of
+from rcdn.errors import CalibrationError, ConfigError, many, said_of
 from rcdn.types import Array, Board, Calibration, Camera, FixedBoard, RigCalibration
 
 
@@ -57,14 +57,14 @@ def calibrate_rig(
 
     `views`: the boards of each camera by its name; partial ones, and those that no other camera saw, help its lens.
     `moments`: for each camera, the moment of each of its boards: boards of one moment (and one target) are the same
-    board (default: the k-th boards of all cameras belong together). `names` of the boards' images. `model`: of all
-    cameras, or by name. `cameras`: by name those whose lens is known: it is held constant, and one image of a board is
-    enough for them. `correct_time`: cameras with a clear time shift, as measured with moving boards, are corrected;
-    moments that end in numbers count frames by them. Whole moments by which a camera is late, and agrees with no other
-    one for that, are corrected in any case. `fixed_boards`: the different boards are fixed to each other (on
-    both sides of a plate, on a frame, in a room), and their relative poses are estimated, too: cameras are also
-    connected by different boards at one moment. All else as in `calibrate`; the first camera of the largest connected
-    component defines the rig's frame.
+    board (default: the k-th boards of all cameras belong together, and each camera must have as many). `names` of the
+    boards' images. `model`: of all cameras, or by name. `cameras`: by name those whose lens is known: it is held
+    constant, and one image of a board is enough for them. `correct_time`: cameras with a clear time shift, as measured
+    with moving boards, are corrected; moments that end in numbers count frames by them. Whole moments by which a camera
+    is late, and agrees with no other one for that, are corrected in any case. `fixed_boards`: the different boards are
+    fixed to each other (on both sides of a plate, on a frame, in a room), and their relative poses are estimated, too:
+    cameras are also connected by different boards at one moment. All else as in `calibrate`; the first camera of the
+    largest connected component defines the rig's frame.
 
     Each camera is calibrated alone first; under `auto`, cameras that see at the same angles get one lens model. Pairs
     that agree on their relative pose are the edges of a graph; its best spanning tree, with rotations and then
@@ -143,12 +143,23 @@ def _given(order: Sequence[str], cameras: Mapping[str, Camera] | None) -> dict[s
 def _moments(views: Mapping[str, Sequence[Board]], moments: Mapping[str, Sequence[str]] | None) -> list[list[str]]:
     """For each camera, the moment of each of its boards."""
     if moments is None:
+        _check_as_many(views)
         return [[str(k) for k in range(len(boards))] for boards in views.values()]
     check_by_camera(moments, "moments", "lists of the boards' moments")
     for name, boards in views.items():
         if name not in moments or not isinstance(moments[name], Sized) or len(moments[name]) != len(boards):
             raise ConfigError(f"moments[{name!r}] must have one entry a board: {len(boards)}")
     return [[str(m) for m in moments[name]] for name in views]
+
+
+def _check_as_many(views: Mapping[str, Sequence[Board]]) -> None:
+    """Raise ConfigError unless all cameras have as many boards, as they must where order alone tells moments."""
+    if len({len(boards) for boards in views.values()}) > 1:
+        counts = ", ".join(f"{name} has {many(len(boards), 'board')}" for name, boards in views.items())
+        raise ConfigError(
+            f"views: {counts}: say at which moment each board was seen, moments={{{next(iter(views))!r}: ['0', '1', "
+            "…], …}, or leave out the boards of moments at which another camera saw none"
+        )
 
 
 def _of_one_make(
