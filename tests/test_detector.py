@@ -177,6 +177,13 @@ def test_drop_in_says_no():
         rcdn.find_chessboard_corners(image, (1, 4))
 
 
+def test_the_settings_of_a_detector_can_not_be_changed(auto):
+    for config in (DetectorConfig.paper(), "rubbish"):
+        with pytest.raises(AttributeError, match=r"can't be changed; make a new one: rcdn\.Detector\(config\)"):
+            auto.config = config
+    assert auto.config == DetectorConfig()
+
+
 @pytest.mark.parametrize("shape", [(1, 1), (1, 200), (5, 5), (40, 3)])
 def test_tiny_pictures_hold_nothing(detector, shape):
     assert detector.boards(np.full(shape, 90, np.uint8)) == []

@@ -76,7 +76,7 @@ class Detector:
     """
 
     def __init__(self, config: DetectorConfig | None = None) -> None:
-        self.config = DetectorConfig() if config is None else config
+        self._config = DetectorConfig() if config is None else config
         if not isinstance(self.config, DetectorConfig):
             raise ConfigError(f"config must be a DetectorConfig, such as DetectorConfig.paper(), not {shown(config)}")
         if not isinstance(self.config.target, str):
@@ -84,6 +84,15 @@ class Detector:
 
             check_target(self.config.target)
         self._model = load_model(self.config.weights, self.config.device)
+
+    @property
+    def config(self) -> DetectorConfig:
+        """The settings, which can't be changed: the network was loaded by them."""
+        return self._config
+
+    @config.setter
+    def config(self, config: DetectorConfig) -> None:
+        raise AttributeError("the config of a Detector can't be changed; make a new one: rcdn.Detector(config)")
 
     def __repr__(self) -> str:
         return f"<Detector {self.config!r} on {self._model.device}>"
