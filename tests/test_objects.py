@@ -2,7 +2,10 @@
 
 import copy
 import functools
+import importlib
 import pickle
+import re
+import sys
 import xml.etree.ElementTree as ET
 from dataclasses import fields, is_dataclass, replace
 
@@ -11,10 +14,24 @@ import pytest
 
 import rcdn
 from rcdn.calibration.comparison import compare
+from rcdn.calibration.guidance import Guide, PairGuide
 from rcdn.config import DetectorConfig, MaxFraction
 from rcdn.geometry import zero_correction
+from rcdn.io import ImageResult
 from rcdn.synthetic import PRESETS, random_scene, render
-from rcdn.types import BoardShape, Corners, Pose, Reason, Rig, RigCalibration, RigPair, StereoCalibration, Verdict
+from rcdn.types import (
+    BoardShape,
+    Corners,
+    FixedBoard,
+    Pose,
+    Reason,
+    Rig,
+    RigCalibration,
+    RigPair,
+    RigPoseEstimate,
+    StereoCalibration,
+    Verdict,
+)
 from rcdn.types.named import Named
 from rcdn.types.shown import decimals
 from rcdn_lab.camera_scenes import CAMERAS, SPACING, random_boards
@@ -59,7 +76,28 @@ def many():
     return RigCalibration(
         RIG, {"left": calibration(), "<right>": calibration(), "alone": calibration()}, {(0, 0): np.eye(4)}, 0.1,
         (RigPair("left", "<right>", 3, 2, 0.1),), (("left", "<right>"), ("alone",)),
+        fixed_boards=(FixedBoard(0, "ChArUco 9x7", 0, np.eye(4), np.zeros((6, 6))),),
     )  # fmt: skip
+
+
+@functools.cache
+def guide():
+    """A guide that has taken two boards, and one that has taken those of the calibration."""
+    few = Guide((640, 480), SPACING, model="brown")
+    few.add_all({str(k): board for k, board in enumerate(boards()[:2])})
+    many = Guide((640, 480), SPACING, model="brown")
+    many.add_all({str(k): board for k, board in enumerate(boards())})
+    return few, many
+
+
+@functools.cache
+def pair_guide():
+    """A guide of two cameras without any moment, and one with one."""
+    none = PairGuide(((640, 480), (640, 480)), SPACING, model="brown", size=(9, 6))
+    some = PairGuide(((640, 480), (640, 480)), SPACING, model="brown", size=(9, 6))
+    whole = next(b for b in boards() if b.complete)
+    some.add((whole, replace(whole, xy=whole.xy - [20.0, 1.0])), "0")
+    return none, some
 
 
 VALUES = {
@@ -80,9 +118,22 @@ VALUES = {
     "view": lambda: calibration().views[0],
     "verdict": lambda: calibration().verdict,
     "pose": lambda: rcdn.estimate_pose(boards()[0], calibration().camera, spacing=SPACING),
+    "plain pose": lambda: Pose(np.eye(4)),
     "config": lambda: DetectorConfig.paper(threads=1),
     "detector": rcdn.Detector,
     "deviations": lambda: calibration().std,
+    "rig pose": lambda: RigPoseEstimate(np.eye(4), np.eye(6), 0.1, {"left": np.zeros((54, 2))}, {}),
+    "fixed board": lambda: many().fixed_boards[0],
+    "image": lambda: ImageResult("a/b.png", 640, 480, detection().corners, detection().boards),
+    "look": lambda: guide()[1].look(boards()[0], 0.0),
+    "look at nothing": lambda: guide()[1].look(None, 0.0),
+    "look of two": lambda: pair_guide()[1].look((boards()[0], None), 0.0),
+    "progress": lambda: guide()[1].progress,
+    "first progress": lambda: guide()[0].progress,
+    "progress of two": lambda: pair_guide()[1].progress,
+    "first progress of two": lambda: pair_guide()[0].progress,
+    "next view": lambda: guide()[1].progress.wanted,
+    "next pair": lambda: pair_guide()[1].progress.wanted,
 }
 
 
@@ -106,6 +157,38 @@ def test_every_value_is_one_short_line(name):
     assert "\n" not in text
     assert "array(" not in text
     assert 5 < len(text) < 200
+
+
+MODULES = ("types", "calibration", "calibration.guidance", "io")
+ELSEWHERE = {"Rectification", "StereoCameras"}
+"""what files of two cameras hold"""
+
+
+def reachable():
+    """The public value types, and those of their fields."""
+    homes = [importlib.import_module(name) for name in ("rcdn", *(f"rcdn.{m}" for m in MODULES))]
+    left = [v for home in homes for name in home.__all__ if is_dataclass(v := getattr(home, name))]
+    found = set()
+    while left:
+        kind = left.pop()
+        if kind not in found:
+            found.add(kind)
+            inside = [vars(sys.modules[kind.__module__]).get(name) for name in within(kind)]
+            left += [v for v in inside if isinstance(v, type) and is_dataclass(v)]
+    return found
+
+
+def test_no_value_with_arrays_is_forgotten_above():
+    holding = {kind for kind in reachable() if any("Array" in str(field.type) for field in fields(kind))}
+    while more := {k for k in reachable() - holding if {h.__name__ for h in holding} & within(k)}:
+        holding |= more
+    assert len(holding) > 20
+    assert {kind.__name__ for kind in holding - {type(make()) for make in VALUES.values()}} == ELSEWHERE
+
+
+def within(kind):
+    """The names in the types of its fields."""
+    return {name for field in fields(kind) for name in re.findall(r"\w+", str(field.type))}
 
 
 @pytest.mark.parametrize("way", COPIES)
@@ -133,6 +216,20 @@ def test_what_reprs_say():
     assert "fx 520, fy 515, cx 330, cy 236, k1 -0.28" in repr(CAMERAS["brown"])
     assert repr(pair()).startswith("<StereoCalibration: not judged, baseline 0.1 m, ")
     bad = Verdict("bad", (Reason("rms", "bad", "RMS", 9.0, 1.0, "px", "The RMS is 9 px.", "Look."),))
+    few, several = guide()
+    assert repr(few.progress) == "<Progress: 2 views, no camera yet>"
+    assert re.fullmatch(r"<Progress: \d+ views, worst [\d.]+ px, wanted 0.1 px>", repr(several.progress))
+    assert repr(replace(several.progress, worst=0.0851, done=True)).endswith("worst 0.085 px, wanted 0.1 px, done>")
+    assert repr(several.look(None, 0.0)) == "<Look: refused, 'No board is seen.', fit 0.00, gain 0.00>"
+    assert repr(replace(several.look(None, 0.0), refused="", take=True)) == "<Look: take it, fit 0.00, gain 0.00>"
+    assert repr(pair_guide()[0].progress) == "<PairProgress: 0 moments, no pair of cameras yet>"
+    view = replace(several.progress.wanted, middle=np.array([101.6, 50.2]), distance=0.456, tilt=30.0)
+    view = replace(view, before=1.23, after=0.5)
+    assert repr(view) == (
+        "<NextView: 9×6 board at (102, 50) px, 0.46 m away, tilted by 30°, worst 1.2 px before, 0.5 px after>"
+    )
+    wanted = replace(pair_guide()[1].progress.wanted, views=(view, None), lead=0)
+    assert repr(wanted) == "<NextPair: left at (102, 50) px, right not to see it, 0.46 m away, tilted by 30°>"
     assert repr(bad) == "<Verdict bad, 1 of 1 checks against it: The RMS is 9 px.>"
 
 

@@ -14,6 +14,7 @@ from rcdn.errors import present
 from rcdn.geometry import project
 from rcdn.types import Array, Calibration, Plane, Pose
 from rcdn.types.arrays import Bool, Real
+from rcdn.types.calibration import SIDES
 
 ALIKE = 0.04
 """diagonals by which the outline of a wanted board differs from those before, in one of the pictures: twice the
@@ -29,10 +30,18 @@ class NextPair:
     views: tuple[NextView | None, NextView | None]
     lead: int
 
+    def __repr__(self) -> str:
+        seen = ", ".join(f"{side} {_place(view)}" for side, view in zip(SIDES, self.views, strict=True))
+        return f"<NextPair: {seen}, {self.leading.distance:.2g} m away, tilted by {self.leading.tilt:.0f}°>"
+
     @property
     def leading(self) -> NextView:
         """The view of the leading camera."""
         return present(self.views[self.lead], "the view of the leading camera")
+
+
+def _place(view: NextView | None) -> str:
+    return "not to see it" if view is None else f"at ({view.middle[0]:.0f}, {view.middle[1]:.0f}) px"
 
 
 def next_pair(

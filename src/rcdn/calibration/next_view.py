@@ -58,6 +58,13 @@ class NextView:
     gain: float
     upright: bool | None = None
 
+    def __repr__(self) -> str:
+        (columns, rows), (x, y) = self.size, self.middle
+        return (
+            f"<NextView: {columns}×{rows} board at ({x:.0f}, {y:.0f}) px, {self.distance:.2g} m away, tilted by "
+            f"{self.tilt:.0f}°, worst {two_digits(self.before)} px before, {two_digits(self.after)} px after>"
+        )
+
     @property
     def worth_saying(self) -> bool:
         """Whether the camera is uncertain somewhere in the frame and this view would reduce it."""

@@ -11,7 +11,7 @@ from typing import Any, get_args
 
 import numpy as np
 
-from rcdn.errors import FormatError, RcdnError, shown
+from rcdn.errors import FormatError, RcdnError, many, shown
 from rcdn.io.fields import located, numbers, read_json, read_text, take
 from rcdn.io.files import write_chunks
 from rcdn.types import Array, Board, Corners, Orientation, Pattern, Status
@@ -48,6 +48,10 @@ class ImageResult:
                 raise RcdnError(
                     f"{self.path}: a board has image_size {board.image_size}, the image {(self.width, self.height)}"
                 )
+
+    def __repr__(self) -> str:
+        found = f"{many(len(self.corners), 'corner')}, {many(len(self.boards), 'board')}"
+        return f"<ImageResult {shown(self.path)} {self.width}×{self.height} px: {found}>"
 
 
 def write_detections(path: str | Path, images: Sequence[ImageResult], errors: Sequence[tuple[str, str]] = ()) -> None:

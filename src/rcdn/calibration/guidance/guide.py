@@ -61,6 +61,14 @@ class Look:
     gain: float = 0.0
     arrow: Array | None = None
 
+    def __repr__(self) -> str:
+        return f"<Look: {outcome(self.take, self.refused, self.hint)}, fit {self.fit:.2f}, gain {self.gain:.2f}>"
+
+
+def outcome(take: bool, refused: str, hint: str) -> str:
+    """The outcome of an assessment, in short."""
+    return "take it" if take else f"refused, {shown(refused)}" if refused else shown(hint)
+
 
 class Guide:
     """Guides a person who holds a board in front of a camera, or the camera in front of a board.

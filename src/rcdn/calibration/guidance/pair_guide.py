@@ -15,7 +15,7 @@ from rcdn.calibration.added_pair import SideForecast
 from rcdn.calibration.coded import Spacing
 from rcdn.calibration.guidance.arguments import check_accepted, check_by_picture, check_grey, check_of_frame, seconds
 from rcdn.calibration.guidance.gates import TAKEN
-from rcdn.calibration.guidance.guide import FEWEST_CORNERS, Guide, Look
+from rcdn.calibration.guidance.guide import FEWEST_CORNERS, Guide, Look, outcome
 from rcdn.calibration.guidance.pair_estimate import Moment, PairKnown, pair_learned
 from rcdn.calibration.guidance.pair_progress import BOTH, PairPlan, PairProgress, pair_planned
 from rcdn.calibration.guidance.progress import Known, Plan, Progress, Wish
@@ -40,6 +40,9 @@ class PairLook:
     hint: str
     take: bool
     fit: float
+
+    def __repr__(self) -> str:
+        return f"<PairLook: {outcome(self.take, self.refused, self.hint)}, fit {self.fit:.2f}>"
 
 
 class PairGuide:

@@ -9,9 +9,10 @@ import numpy as np
 from rcdn.calibration.added_pair import PairForecast, Projections
 from rcdn.calibration.candidates import GRID
 from rcdn.calibration.guidance.pair_estimate import PairKnown, Wishes
-from rcdn.calibration.guidance.progress import FEWEST, JUDGED_FROM, hopeless, reach_of
+from rcdn.calibration.guidance.progress import FEWEST, JUDGED_FROM, hopeless, reach_of, reached
 from rcdn.calibration.next_pair import NextPair, next_pair
 from rcdn.calibration.next_view import distances_of, place_and_tilt
+from rcdn.errors import many
 from rcdn.types import Array, StereoCalibration
 from rcdn.types.arrays import Real
 
@@ -37,6 +38,10 @@ class PairProgress:
     target: float
     done: bool
     sentence: str
+
+    def __repr__(self) -> str:
+        cameras = "no pair of cameras yet" if self.stereo is None else reached(self.worst, self.target, self.done)
+        return f"<PairProgress: {many(len(self.views), 'moment')}, {cameras}>"
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,7 @@ from rcdn.calibration.guidance.way_up import TURN, held_up, next_way, upright
 from rcdn.calibration.labels import Size
 from rcdn.calibration.next_view import NextView, next_view, place_and_tilt
 from rcdn.calibration.uncertainty import projection_uncertainty
-from rcdn.errors import CalibrationError, present
+from rcdn.errors import CalibrationError, many, present, two_digits
 from rcdn.geometry import unproject
 from rcdn.geometry.rigid import unit
 from rcdn.types import Array, Board, Calibration, Camera, Plane, Verdict
@@ -56,6 +56,15 @@ class Progress:
     target: float
     done: bool
     sentence: str
+
+    def __repr__(self) -> str:
+        camera = "no camera yet" if self.calibration is None else reached(self.worst, self.target, self.done)
+        return f"<Progress: {many(len(self.views), 'view')}, {camera}>"
+
+
+def reached(worst: float, target: float, done: bool) -> str:
+    """How far the worst uncertainty is from the one wanted."""
+    return f"worst {two_digits(worst)} px, wanted {target:.4g} px{', done' * done}"
 
 
 @dataclass(frozen=True, eq=False)
