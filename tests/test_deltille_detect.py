@@ -121,6 +121,13 @@ def test_settings_that_triangles_can_not_use_are_refused(name, value):
     assert getattr(rcdn.DetectorConfig(**{name: value}), name) == value
 
 
+def test_that_triangles_have_no_second_fit_and_no_codes_may_be_said(detector, picture):
+    """And changes nothing."""
+    said = rcdn.Detector(replace(CONFIG, sharpen=None, target="plain")).boards(picture)
+    assert [b.xy.tobytes() for b in said] == [b.xy.tobytes() for b in detector.boards(picture)]
+    assert len(said) == 1
+
+
 # ---- command line and files
 
 
