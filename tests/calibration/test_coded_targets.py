@@ -109,7 +109,9 @@ def test_boards_that_were_not_read_count_only_as_parts_at_an_unknown_place():
     assert not found.views[0].settled
     assert "can't be part of the ChArUco 9x7" in found.views[-1].reason
     assert any("codes of 1 of the used views were not read" in text for text in found.advice)
-    with pytest.raises(ConfigError, match="name the spacing of each kind"):
+    with pytest.raises(
+        ConfigError, match=r"name the spacing of each kind \(checker=25mm,.*=30mm; in Python a dict of metres\)"
+    ):
         calibrate([*one[:3], *wide * 4], 0.03)
 
 

@@ -212,7 +212,9 @@ def test_a_constant_offset_of_the_pictures_is_named(pair, by):
         else "l0.png then belongs to r2.png"
     )
     with pytest.raises(
-        CalibrationError, match=f"{10 - abs(by)} would if the right pictures were shifted by {abs(by)}: {first}"
+        CalibrationError,
+        match=f"{10 - abs(by)} would if the right pictures were shifted by {abs(by)}: {first}, and so on. "
+        r"Name the pairs \(--pairs; in Python pairs\)",
     ):
         calibrate_stereo(left, late, SPACING, model="pinhole", names=names)
 

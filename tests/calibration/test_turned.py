@@ -110,7 +110,7 @@ def test_changed_pictures_with_other_file_names_are_named(way, done, by):
     (told, *_) = calibration.verdict.against
     assert f"{done} against" in told.sentence
     assert told.action.endswith(
-        "or leave them out (--leave-out). If they are of another camera, whose names differ, "
+        "or leave them out (--leave-out; in Python leave_out). If they are of another camera, whose names differ, "
         "calibrate each group by itself."
     )
     assert set(turned_pictures(calibration).names) == set(names[7:])

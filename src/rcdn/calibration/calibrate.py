@@ -156,7 +156,10 @@ def check_arguments(boards: Sequence[Board], names: Sequence[str] | None, model:
         raise ConfigError(f"names must have one entry a board: {len(boards)}, not {given}")
     given_size(size)
     if not boards:
-        raise CalibrationError("no boards: nothing to calibrate from; see what `rcdn detect --overlay` draws")
+        raise CalibrationError(
+            "no boards: nothing to calibrate from; see what `rcdn detect --overlay` draws, in Python what "
+            "Detector.detect gives of a picture"
+        )
 
 
 def check_model(model: str) -> None:

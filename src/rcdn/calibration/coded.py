@@ -119,7 +119,8 @@ class Geometries:
             raise ConfigError(
                 f"{many(coded, 'board is', 'boards are')} {self.main.target} and "
                 f"{many(left_out, 'other has', 'others have')} no codes that could be read: name the spacing of each "
-                f"kind (checker=25mm,{kind_name(self.main)}=30mm), or calibrate from one kind"
+                f"kind (checker=25mm,{kind_name(self.main)}=30mm; in Python a dict of metres), or calibrate from one "
+                "kind"
             )
 
     def _unread(self, board: Board) -> Labelled:
@@ -201,7 +202,7 @@ def _sides(spacing: Any, kinds: Counter[str]) -> dict[str, float]:
         example = ", ".join(f"{k}=30mm" for k in coded)
         raise ConfigError(
             f"the boards are of {len(coded)} kinds ({', '.join(coded)}), and one spacing can't say how large each is: "
-            f"name each one's (--spacing {example}; in Python a dict)"
+            f"name each one's (--spacing {example}; in Python a dict of metres)"
         )
     if not coded and kinds["checker"] and kinds["deltille"]:
         raise ConfigError(

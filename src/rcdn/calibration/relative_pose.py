@@ -105,12 +105,13 @@ def _disagree(
         first_ones = "picture" if abs(by) == 1 else f"{abs(by)} pictures"
         return (
             f"{text}, but {agreeing} would if the right pictures were shifted by {abs(by)}: {first.views[a].name} then "
-            f"belongs to {second.views[b].name}, and so on. Name the pairs (--pairs), or, where order pairs them and "
-            f"not names, leave out the first {first_ones} of the {'right' if by > 0 else 'left'} camera"
+            f"belongs to {second.views[b].name}, and so on. Name the pairs (--pairs; in Python pairs), or, "
+            f"where order pairs them and not names, leave out the first {first_ones} of the "
+            f"{'right' if by > 0 else 'left'} camera"
         )
     return (
         f"{text}: are the pictures paired by the same moment, and did the cameras hold still on their mount? If names "
-        "and order don't tell, name the pairs (--pairs)"
+        "and order don't tell, name the pairs (--pairs; in Python pairs)"
     )
 
 

@@ -133,7 +133,8 @@ def _rig_reasons(found: RigCalibration, correct_time: bool) -> list[Reason]:
             f"Out of step: {_lateness(late)}.",
             "Trigger the cameras together, or hold the board still: correcting it did not explain the corners better."
             if correct_time
-            else "Trigger the cameras together, hold the board still, or have it corrected (--correct-time).",
+            else "Trigger the cameras together, hold the board still, or have it corrected (--correct-time; in Python "
+            "correct_time=True).",
         ),
         *_of_boards(found),
     ]  # fmt: skip
@@ -150,7 +151,7 @@ def _of_boards(found: RigCalibration) -> list[Reason]:
             "fixed_boards", len(sets), "The boards keep their places to each other.",
             f"Only these boards keep their places to each other: {parts}.",
             "Show boards of different parts at one moment, turned to several sides; "
-            "or leave --fixed-boards out if they were moved.",
+            "or leave --fixed-boards (in Python fixed_boards) out if they were moved.",
         )
     ] if sets else []  # fmt: skip
 

@@ -49,6 +49,8 @@ solved and the search begun again from there"""
 AGREE = 4.0
 """standard deviations by which the cameras of groups of pictures differ at most, with the change of some undone, if the
 change explains that they differ"""
+LEAVE_OUT = "--leave-out; in Python leave_out"
+"""how pictures are left out"""
 EXPLAINED = 0.8
 """least share, then, of the drop in squared residuals from one camera for all to one for each group"""
 LISTED = 6
@@ -117,9 +119,9 @@ class TurnedPictures:
     def remedy(self) -> str:
         """What to do with them."""
         if len(self.changes) > 1:
-            return "Look which it is, and make them as the sensor had them, or leave them out (--leave-out)."
+            return f"Look which it is, and make them as the sensor had them, or leave them out ({LEAVE_OUT})."
         verb = "Mirror" if self.changes[0].mirrors else "Turn"
-        return f"{verb} them back, as the sensor had them, or leave them out (--leave-out)."
+        return f"{verb} them back, as the sensor had them, or leave them out ({LEAVE_OUT})."
 
 
 def turned_pictures(calibration: Calibration) -> TurnedPictures | None:
