@@ -12,10 +12,11 @@ from rcdn.errors import RcdnError
 from rcdn.geometry.rectification import rectifying
 from rcdn.provided import camera_work
 from rcdn.types import Array, Camera, StereoCalibration
+from rcdn.types.base import Value
 
 
 @dataclass(frozen=True, eq=False)
-class Rectification:
+class Rectification(Value):
     """The rectification of two cameras in OpenCV's notation: `R_left`, `R_right` (3, 3), `P_left`, `P_right` (3, 4),
     `Q` (4, 4)."""
 
@@ -28,6 +29,11 @@ class Rectification:
     def __post_init__(self) -> None:
         shapes = {"R_left": (3, 3), "R_right": (3, 3), "P_left": (3, 4), "P_right": (3, 4), "Q": (4, 4)}
         _freeze(self, shapes)
+
+    def __repr__(self) -> str:
+        return (
+            f"<Rectification: f {self.P_left[0, 0]:.5g} px, centre ({self.P_left[0, 2]:.5g}, {self.P_left[1, 2]:.5g})>"
+        )
 
     @classmethod
     def without_q(cls, R_left: Array, R_right: Array, P_left: Array, P_right: Array) -> Rectification:
@@ -48,7 +54,7 @@ class Rectification:
 
 
 @dataclass(frozen=True, eq=False)
-class StereoCameras:
+class StereoCameras(Value):
     """Two cameras. `T_right_left` (4, 4) transforms left camera coordinates to right ones, m; `rectification` is None
     if the file has none. Two cameras of a `Rig` are such a pair, too, with `rig.relative("left", "right")[0]`."""
 
@@ -59,6 +65,10 @@ class StereoCameras:
 
     def __post_init__(self) -> None:
         _freeze(self, {"T_right_left": (4, 4)})
+
+    def __repr__(self) -> str:
+        lenses = (f"{c.model} {c.image_size[0]}×{c.image_size[1]} px" for c in (self.left, self.right))
+        return f"<StereoCameras: {' and '.join(lenses)}, baseline {np.linalg.norm(self.T_right_left[:3, 3]):.5g} m>"
 
     @property
     def turns(self) -> Rectification:
