@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import os
+
 import pytest
 import scipy.linalg  # noqa: F401  # its own library is limited, too
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from rcdn.calibration import calibrate
+from rcdn.calibration import one_thread as module
 from rcdn.calibration.one_thread import one_thread
 from rcdn.errors import CalibrationError
 from rcdn_lab.camera_scenes import CAMERAS, SPACING, random_boards
@@ -55,4 +58,17 @@ def test_calls_that_overlap_leave_the_threads_as_they_were(two):
     first.__exit__(None, None, None)
     assert set(threads().values()) == {1}
     second.__exit__(None, None, None)
+    assert threads() == two
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
+@pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")
+def test_a_process_forked_during_a_calibration_has_its_threads_and_can_calibrate(two):
+    with one_thread(), module._limit.lock:  # as another thread might hold it
+        child = os.fork()
+        if not child:
+            before = threads()
+            free = module._limit.lock.acquire(timeout=10)
+            os._exit(0 if free and before == two else 1)
+    assert os.waitpid(child, 0)[1] == 0
     assert threads() == two

@@ -7,6 +7,7 @@ one. The limit is the whole process's: other threads' linear algebra keeps to on
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -32,8 +33,13 @@ class _Limit:
     def leave(self) -> None:
         with self.lock:
             self.users -= 1
-            if self.users == 0 and self.set_by is not None:
-                self.set_by.restore_original_limits()
+            self.end()
+
+    def end(self) -> None:
+        """Restore the limits before, if they are set and no user is left."""
+        if self.users == 0 and self.set_by is not None:
+            self.set_by.restore_original_limits()
+            self.set_by = None
 
 
 _limit = _Limit()
@@ -43,8 +49,22 @@ _limit = _Limit()
 def one_thread() -> Iterator[None]:
     """Limits the BLAS libraries of NumPy and SciPy to one thread within it; also as a decorator, `@one_thread()`. When
     the last of several calls in different threads ends, they have as many threads as before the first."""
-    _limit.enter()
+    limit = _limit
+    limit.enter()
     try:
         yield
     finally:
-        _limit.leave()
+        limit.leave()
+
+
+def _after_fork() -> None:
+    """Begin anew: a forked process has none of the threads that would end the limit, and maybe a lock that is never
+    released."""
+    global _limit
+    before, _limit = _limit, _Limit()
+    before.users = 0
+    before.end()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_after_fork)
