@@ -30,6 +30,7 @@ def coverage(cover: Cover, x: Array, y: Array) -> Array:
     return np.clip(0.5 - signed_distance(cover, x, y) / cover.soft, 0, 1)
 
 
+@np.errstate(under="ignore")  # far from a glare
 def illuminate(image: Array, light: Light, x: Array, y: Array, size: tuple[int, int]) -> Array:
     """Reflectance times illumination. `x`, `y` broadcast to the picture's pixels; `size` is that of the whole frame."""
     width, height = size

@@ -122,6 +122,7 @@ def _models(pattern: Literal["squares", "circles", "mesh"]) -> Array:
     return _seen([_holes(x, y, half) for half in HOLES])
 
 
+@np.errstate(under="ignore")  # wide blurs leave nothing of fine detail
 def _seen(drawn: list[Array]) -> Array:
     """Models from drawings of two by two squares, repeated periodically, with all blurs and response curves."""
     frequency = np.fft.fftfreq(2 * SAMPLES * FINE, 1 / (SAMPLES * FINE))
