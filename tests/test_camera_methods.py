@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import cv2
@@ -10,8 +11,10 @@ import pytest
 from PIL import Image
 
 import rcdn
+from rcdn import camera_work
 from rcdn.errors import FormatError, ImageError, RcdnError
 from rcdn.geometry import project, transform, zero_correction
+from rcdn.geometry.resample import undistortion
 from rcdn.io import read_image, read_rig
 from rcdn.types import Camera, Pose
 from rcdn_lab.camera_scenes import CAMERAS, random_pose
@@ -266,3 +269,34 @@ def test_sizes_that_are_none_are_refused():
         BROWN.resized(320)
     with pytest.raises(RcdnError, match="width and height must be"):
         BROWN.cropped(0, 0, 0, 10)
+
+
+def test_cameras_and_balances_that_alternate_have_their_maps_made_once(monkeypatch):
+    made = []
+    monkeypatch.setattr(camera_work, "undistortion", lambda *given: made.append(given) or undistortion(*given))
+    picture = np.zeros((480, 640), np.uint8)
+    wanted = [(replace(CAMERAS[name]), balance) for name in ("brown", "fisheye") for balance in (0.0, 1.0)]
+    for _ in range(3):
+        for camera, balance in wanted:
+            camera.undistort(picture, balance)
+    assert made == wanted
+    size = 640 * 480 * 9
+    monkeypatch.setattr(camera_work, "KEPT", 2 * size)  # the last two
+    for camera, balance in (wanted[3], wanted[2], wanted[3]):
+        camera.undistort(picture, balance)
+    assert made == wanted
+    wanted[0][0].undistort(picture, wanted[0][1])
+    assert len(made) == 5
+    monkeypatch.setattr(camera_work, "KEPT", 0)  # but always the last
+    wanted[0][0].undistort(picture, wanted[0][1])
+    assert len(made) == 5
+
+
+def test_threads_undistort_with_their_own_cameras():
+    cameras = [replace(CAMERAS[name]) for name in ("brown", "fisheye", "pinhole")] * 2
+    picture = seen_disc(BROWN, [0.1, 0.1, 1]).astype(np.uint8)
+    alone = [undistortion(camera)(picture) for camera in cameras]
+    with ThreadPoolExecutor(6) as pool:
+        together = list(pool.map(lambda camera: [camera.undistort(picture) for _ in range(5)], cameras))
+    for one, several in zip(alone, together, strict=True):
+        assert all(np.array_equal(one, each) for each in several)

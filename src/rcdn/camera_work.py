@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from numbers import Real
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,9 @@ from rcdn.geometry.inverse import before_fold
 from rcdn.geometry.resample import Undistortion, rectification, undistortion
 from rcdn.geometry.undistort import ray_test
 from rcdn.types import Array, Camera, Pose, StereoCalibration
+
+KEPT = 256 << 20
+"""bytes of maps that are kept, of the last cameras: two of 12 megapixels, thirty of 1280 × 720"""
 
 
 def project(camera: Camera, points: Array, pose: Pose | None) -> Array:
@@ -59,9 +61,26 @@ def _number(balance: Any) -> float:
     return float(balance)
 
 
-@lru_cache(maxsize=1)
+_kept: tuple[tuple[Camera, float, Undistortion], ...] = ()
+"""the last conversions, the latest first; replaced as a whole, so that threads need no lock"""
+
+
 def _undistortion(camera: Camera, balance: float) -> Undistortion:
-    return undistortion(camera, balance)
+    """The conversion of a camera's pictures. The last one is kept, and those before it within KEPT bytes."""
+    global _kept
+    made = next((made for of, at, made in _kept if of is camera and at == balance), None)
+    made = undistortion(camera, balance) if made is None else made
+    recent, left = [(camera, balance, made)], KEPT - _bytes(made)
+    for of, at, other in _kept:
+        left -= _bytes(other) * (other is not made)
+        if other is not made and left >= 0:
+            recent.append((of, at, other))
+    _kept = tuple(recent)
+    return made
+
+
+def _bytes(made: Undistortion) -> int:
+    return made.map_x.nbytes + made.map_y.nbytes + made.empty.nbytes
 
 
 _CONVERTED = {"1": "L", "P": "RGB", "PA": "RGBA"}

@@ -150,8 +150,8 @@ class Camera(Value):
 
     def undistort(self, image: Any, balance: float = 0.0) -> Array:
         """`image`, an array (H, W) or (H, W, channels) of 8 or 16 bits or floats or a PIL image, resampled to the
-        camera `undistorted(balance)`; pixels that this camera didn't see are 0. The maps of the last camera are cached
-        for its next picture.
+        camera `undistorted(balance)`; pixels that this camera didn't see are 0. Its maps are kept for the next
+        picture, and those of the cameras and balances before it, up to 256 MB in all.
 
         Raises ImageError for anything that isn't such a picture, RcdnError for a size other than the camera's
         `image_size`.
