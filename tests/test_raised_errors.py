@@ -12,11 +12,14 @@ from tests.targets.coded_scene import charuco, seen
 
 import rcdn
 from rcdn.calibration import calibrate_rig, calibrate_stereo, estimate_pose, projection_uncertainty
+from rcdn.calibration.bundle import Corners3, Prior, State, residuals
 from rcdn.calibration.guidance import Guide
+from rcdn.calibration.solver import solve
 from rcdn.config import DetectorConfig
 from rcdn.report.calibration import write_report, write_rig_report, write_stereo_report
 from rcdn.synthetic import Background, Light, Scene, Sensor, camera_view, render
 from rcdn.targets.circles import _models
+from rcdn.types import Camera
 from rcdn_lab.camera_scenes import CAMERAS, SPACING, random_boards
 from rcdn_lab.paper.deltille import view_scene
 
@@ -93,3 +96,14 @@ def test_pairs_and_rigs_are_calibrated_where_errors_are_raised(tmp_path):
     rig = calibrate_rig({"a": left, "b": right}, SPACING, model="brown")
     assert rig.rms < 0.4
     write_rig_report(tmp_path / "b.html", rig)
+
+
+def test_a_solution_all_but_at_its_prior_is_found_where_errors_are_raised():
+    boards, poses = random_boards(CAMERAS["pinhole"], 1, views=4, noise=0.0, whole=True)
+    frame = np.repeat(np.arange(4), [len(one) for one in boards])
+    ij, xy = np.concatenate([one.ij for one in boards]), np.concatenate([one.xy for one in boards])
+    corners = Corners3(frame, 0 * frame, ij * SPACING, xy, np.zeros((len(frame), 2)))
+    state = State.mono(Camera(CAMERAS["pinhole"].K, None, (640, 480), "brown"), np.array(poses))
+    prior = Prior(state.values + 1e-170 * (state.values == 0), np.eye(len(state.values)))
+    found = solve(replace(state, prior=prior), corners, np.ones(len(frame)), free=np.zeros(len(state.values), bool))
+    assert np.abs(residuals(found.state, corners)).max() < 1e-6

@@ -217,6 +217,7 @@ class Solution:
         return Normal.of(self.state, self.corners, self.weight, self.free).arrow()
 
 
+@np.errstate(under="ignore")  # of squares of what is all but 0
 def solve(
     start: State,
     corners: Corners3,
