@@ -34,6 +34,36 @@ def test_opencv_reads_it(tmp_path, lens):
     np.testing.assert_allclose(opencv_pixels(found, D, fisheye), project(camera(lens), POINTS), atol=1e-9)
 
 
+def written_by_opencv(path, **fields):
+    file = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
+    for name, value in {"image_width": SIZE[0], "image_height": SIZE[1], **fields}.items():
+        file.write(name, value)
+    file.release()
+    return path
+
+
+def test_arrays_of_one_dimension_are_read_as_opencv_writes_them(tmp_path):
+    """OpenCV 5 writes them as another kind than matrices."""
+    lens = camera("brown5")
+    fields = {"camera_matrix": K, "distortion_coefficients": lens.distortion}
+    others = {"rvecs": np.zeros((3, 1, 3)), "errors": np.arange(3.0), "corners": np.zeros((2, 2, 2, 2), np.float32)}
+    same_camera(read_camera(written_by_opencv(tmp_path / "a.yaml", **fields, **others)), lens)
+    pair = {"M1": K, "D1": lens.distortion, "M2": K, "D2": lens.distortion[None], "R": np.eye(3)}
+    found = read_stereo(written_by_opencv(tmp_path / "b.yaml", **pair, T=np.array([-0.1, 0, 0])))
+    same_camera(found.right, lens)
+    assert found.T_right_left.tolist() == [[1, 0, 0, -0.1], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
+
+
+@pytest.mark.parametrize("sizes", ["[ 4 ]", "[ 5, 1, 1 ]", "[ ]", "5", "[ x ]"])
+def test_an_array_of_other_sizes_than_its_numbers_is_refused(tmp_path, sizes):
+    lens = camera("brown5")
+    path = written_by_opencv(tmp_path / "a.yaml", camera_matrix=K, distortion_coefficients=lens.distortion[None])
+    whole = path.read_text().replace("opencv-matrix\n   rows: 1\n   cols: 5", f"opencv-nd-matrix\n   sizes: {sizes}")
+    path.write_text(whole)
+    with pytest.raises(FormatError, match="'distortion_coefficients' must have one number in sizes, and as many"):
+        read_camera(path)
+
+
 @pytest.mark.parametrize("lens", [lens for kind, lens in HELD if kind == "ros"])
 def test_yaml_readers_read_ros(tmp_path, lens):
     path = tmp_path / "camera_info.yaml"

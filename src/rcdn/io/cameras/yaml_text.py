@@ -21,17 +21,25 @@ MOST_VALUES = 1_000_000
 
 
 class Matrix(dict[str, Any]):
-    """A matrix of OpenCV's YAML with its fields as in the file. `array()` returns (rows, cols), or raises FormatError
-    with a message that begins with `where`."""
+    """A matrix of OpenCV's YAML with its fields as in the file. `array()` returns (rows, cols), of an array of one
+    dimension, which OpenCV 5 writes, one column; or raises FormatError with a message that begins with `where`."""
 
     def array(self, where: str) -> Array:
         try:
-            array = np.array(self["data"], dtype=float).reshape(int(self["rows"]), int(self["cols"]))
+            rows, cols = self._shape()
+            array = np.array(self["data"], dtype=float).reshape(int(rows), int(cols))
         except (KeyError, ValueError, TypeError, OverflowError) as error:
-            raise FormatError(f"{where} must have rows, cols and as many numbers in data; export it again") from error
+            lengths = "one number in sizes," if "sizes" in self else "rows, cols"
+            raise FormatError(f"{where} must have {lengths} and as many numbers in data; export it again") from error
         if (np.isfinite(array) & (np.abs(array) > LARGEST)).any():
             raise FormatError(f"{where} must hold numbers within ±{LARGEST:g}")
         return array
+
+    def _shape(self) -> tuple[Any, Any]:
+        if "sizes" not in self:
+            return self["rows"], self["cols"]
+        (count,) = self["sizes"]
+        return count, 1
 
 
 class _Loader(yaml.SafeLoader):
@@ -42,7 +50,8 @@ def _matrix(loader: Any, node: Any) -> Matrix:
     return Matrix(loader.construct_mapping(node, deep=True))
 
 
-_Loader.add_constructor("tag:yaml.org,2002:opencv-matrix", _matrix)
+for _tag in ("opencv-matrix", "opencv-nd-matrix"):
+    _Loader.add_constructor(f"tag:yaml.org,2002:{_tag}", _matrix)
 
 
 def load(path: str, text: str) -> Any:
