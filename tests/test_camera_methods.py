@@ -17,7 +17,7 @@ from rcdn.geometry import project, transform, zero_correction
 from rcdn.geometry.resample import undistortion
 from rcdn.io import read_image, read_rig
 from rcdn.types import Camera, Pose
-from rcdn_lab.camera_scenes import CAMERAS, random_pose
+from rcdn_lab.camera_scenes import CAMERAS, random_boards, random_pose
 
 RNG = np.random.default_rng(1)
 POINTS = np.column_stack([RNG.uniform(-0.3, 0.3, (50, 2)), RNG.uniform(0.9, 2, 50)])
@@ -64,9 +64,40 @@ def test_no_distortion_is_that_of_opencv(model, count):
 
 def test_a_count_of_another_model_names_that_model():
     with pytest.raises(RcdnError, match="'brown' takes 4 or 5 numbers, not 8; model 'rational' takes 8"):
-        Camera(BROWN.K, np.zeros(8), BROWN.image_size)
+        Camera(BROWN.K, np.zeros(8), BROWN.image_size, "brown")
+    with pytest.raises(RcdnError, match="'fisheye' takes 4 numbers, not 14; model 'rational' takes 14"):
+        Camera(BROWN.K, np.zeros((1, 14)), BROWN.image_size, "fisheye")
     with pytest.raises(RcdnError, match="shape"):
         Camera(BROWN.K, np.zeros((2, 4)), BROWN.image_size)
+
+
+@pytest.mark.parametrize("count", [8, 12, 14])
+def test_rational_lenses_are_taken_as_opencv_gives_them(count):
+    """With places for thin prisms and tilted sensors, whose numbers must be 0; no model need be named."""
+    values = np.zeros((1, count))
+    values[0, :8] = CAMERAS["rational"].distortion
+    for camera in (Camera(BROWN.K, values, (640, 480)), Camera(BROWN.K, values, (640, 480), "rational")):
+        assert (camera.model, len(camera.distortion)) == ("rational", 8)
+        xy, _ = cv2.projectPoints(POINTS, np.zeros(3), np.zeros(3), BROWN.K, values)
+        assert camera.project(POINTS) == pytest.approx(xy[:, 0], abs=1e-8)
+    if count > 8:
+        values[0, -1] = 0.01
+        with pytest.raises(RcdnError, match=r"^Camera\.distortion: thin prisms and tilted sensors .* without them"):
+            Camera(BROWN.K, values, (640, 480))
+
+
+def test_what_opencv_calibrates_is_a_camera():
+    boards = random_boards(CAMERAS["rational"], 1, views=8, whole=True)[0]
+    points = [np.column_stack([board.ij, np.zeros(len(board))]).astype(np.float32) for board in boards]
+    seen = [board.xy.astype(np.float32) for board in boards]
+    size = CAMERAS["rational"].image_size
+    for flags, model in ((0, "brown"), (cv2.CALIB_RATIONAL_MODEL, "rational")):
+        _, K, D, rotations, shifts = cv2.calibrateCamera(points, seen, size, None, None, flags=flags)
+        camera = Camera(K, D, size)
+        assert camera.model == model
+        placed = points[0] @ cv2.Rodrigues(rotations[0])[0].T + shifts[0].ravel()
+        xy, _ = cv2.projectPoints(points[0], rotations[0], shifts[0], K, D)
+        assert camera.project(placed) == pytest.approx(xy[:, 0], abs=1e-3)
 
 
 def test_pinholes_are_as_opencv_has_them():

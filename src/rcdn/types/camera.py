@@ -29,6 +29,21 @@ LENS = {
     "division": ("lambda",),
 }
 """names of the distortion coefficients, in OpenCV's order"""
+_WITH_PRISM = (12, 14)
+"""numbers of OpenCV's coefficients if those of thin prisms, and of tilted sensors, follow the eight of `rational`"""
+
+
+def model_of(count: int) -> CameraModel:
+    """The lens model of `count` coefficients in OpenCV's order."""
+    return "brown" if count < len(LENS["rational"]) else "rational"
+
+
+def prism_trouble(distortion: Array) -> str:
+    """The reason why the coefficients `distortion` (N,) in OpenCV's order are those of no model here; "" if those of
+    thin prisms and tilted sensors are 0, or there are none."""
+    if not distortion[len(LENS["rational"]) :].any():
+        return ""
+    return "thin prisms and tilted sensors (s1…s4, τ) are unknown to rcdn; calibrate without them"
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,17 +51,18 @@ class Camera(Value):
     """Intrinsics of one camera.
 
     `K` (3, 3) px; `distortion` (N,), or as OpenCV has it (1, N), (N, 1), or None for zeros: empty for `pinhole`;
-    OpenCV's k1 k2 p1 p2 [k3] for `brown`, with k4 k5 k6 of a denominator for `rational`; Kannala–Brandt k1..k4 for
-    `fisheye` (OpenCV's fisheye); one number λ for `division`: undistorted = distorted ÷ (1 + λ·r²), r of the distorted
-    point in focal lengths, so that λ < 0 is a barrel distortion (Fitzgibbon 2001). `image_size` (width, height) px.
-    Pixel centres at integers. `correction`: deviation of the lens from the parametric model, added to the distorted
-    point, in focal lengths; not for `division`.
+    OpenCV's k1 k2 p1 p2 [k3] for `brown`, with k4 k5 k6 of a denominator for `rational` (of 12 or 14 numbers those of
+    thin prisms and tilted sensors, which follow, must be 0); Kannala–Brandt k1..k4 for `fisheye` (OpenCV's); one number
+    λ for `division`: undistorted = distorted ÷ (1 + λ·r²), r of the distorted point in focal lengths, so that λ < 0 is
+    a barrel distortion (Fitzgibbon 2001). `image_size` (width, height) px. Pixel centres at integers. `correction`:
+    deviation of the lens from the parametric model, added to the distorted point, in focal lengths; not for `division`.
+    Default of `model`: `rational` for eight coefficients or more, else `brown`.
     """
 
     K: Array
     distortion: Array
     image_size: tuple[int, int]
-    model: CameraModel = "brown"
+    model: CameraModel = None  # type: ignore[assignment]  # until the coefficients are counted
     correction: LensCorrection | None = None
 
     if TYPE_CHECKING:  # what the dataclass's own constructor takes is more than what the fields are then
@@ -56,7 +72,7 @@ class Camera(Value):
             K: ArrayLike,
             distortion: ArrayLike | None,
             image_size: Sequence[int],
-            model: CameraModel = "brown",
+            model: CameraModel | None = None,
             correction: LensCorrection | None = None,
         ) -> None: ...
 
@@ -71,11 +87,15 @@ class Camera(Value):
         """Freeze the arrays, and raise RcdnError for what can be no camera, except for the ranges of its focal lengths
         and coefficients."""
         freeze(self, "K", self.K, np.float64, (3,))
-        if not isinstance(self.model, str) or self.model not in LENS:
+        if self.model is not None and (not isinstance(self.model, str) or self.model not in LENS):
             raise RcdnError(f"Camera.model must be one of {', '.join(LENS)}, not {shown(self.model)}")
-        none = np.zeros(len(LENS[self.model]))
-        object.__setattr__(self, "distortion", none if self.distortion is None else _in_a_row(self.distortion))
-        freeze(self, "distortion", self.distortion, np.float64, ())
+        none = np.zeros(len(LENS[self.model or "brown"]))
+        freeze(self, "distortion", none if self.distortion is None else _in_a_row(self.distortion), np.float64, ())
+        if len(self.distortion) in _WITH_PRISM and self.model in (None, "rational"):
+            if trouble := prism_trouble(self.distortion):
+                raise RcdnError(f"Camera.distortion: {trouble}")
+            freeze(self, "distortion", self.distortion[: len(LENS["rational"])], np.float64, ())
+        object.__setattr__(self, "model", self.model or model_of(len(self.distortion)))
         object.__setattr__(self, "image_size", whole_size(self.image_size, "Camera.image_size"))
         if self.K.shape != (3, 3) or not np.isfinite(self.K).all():
             raise RcdnError(f"Camera.K must be a finite (3, 3) matrix, not {self.K.tolist()}")
@@ -84,6 +104,7 @@ class Camera(Value):
         allowed = (4, 5) if self.model == "brown" else (len(LENS[self.model]),)
         if len(self.distortion) not in allowed:
             fits = [name for name, names in LENS.items() if len(names) == len(self.distortion)]
+            fits += ["rational"] * (len(self.distortion) in _WITH_PRISM)
             other = f"; model {fits[0]!r} takes {len(self.distortion)}" if fits else ""
             counts = " or ".join(map(str, allowed))
             raise RcdnError(

@@ -15,6 +15,7 @@ from rcdn.io.cameras.rig import StereoCameras
 from rcdn.io.fields import located, take
 from rcdn.types import Array, Camera, CameraModel
 from rcdn.types.arrays import Real
+from rcdn.types.camera import model_of, prism_trouble
 from rcdn.types.ranges import coefficient_trouble, whole_size
 
 
@@ -152,11 +153,9 @@ def _lens(where: str, values: Sequence[float] | Array) -> tuple[CameraModel, Arr
         raise FormatError(f"{where}: the distortion must hold 0, 4, 5, 8, 12 or 14 numbers, not {len(d)}")
     if not d.any():
         return "pinhole", d[:0]
-    if d[8:].any():
-        raise FormatError(
-            f"{where}: thin prisms and tilted sensors (s1…s4, τ) are unknown to rcdn; calibrate without them"
-        )
-    return ("brown" if len(d) < 8 else "rational"), d[:8]
+    if trouble := prism_trouble(d):
+        raise FormatError(f"{where}: {trouble}")
+    return model_of(len(d)), d[:8]
 
 
 def pinhole_numbers(camera: Camera, title: str) -> Real[Array, " 4"]:
