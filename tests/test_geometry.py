@@ -7,6 +7,7 @@ import pytest
 from rcdn.errors import RcdnError
 from rcdn.geometry import apply_homographies, apply_homography, homography, project, rotation, transform, unproject
 from rcdn.geometry.homography import depths, in_front
+from rcdn.geometry.jacobians import project_with_jacobian
 from rcdn.types import Camera, Pose
 
 K = np.array([[600.0, 0, 320], [0, 580, 240], [0, 0, 1]])
@@ -34,6 +35,19 @@ def test_fisheye_is_that_of_opencv(distortion):
     points = rays(1.4) * np.random.default_rng(1).uniform(0.5, 9, (400, 1))
     reference = cv2.fisheye.projectPoints(points[:, None], np.zeros(3), np.zeros(3), K, distortion)[0][:, 0]
     assert project(Camera(K, distortion, (640, 480), "fisheye"), points) == pytest.approx(reference, abs=1e-9)
+
+
+@pytest.mark.parametrize("distortion", FISHEYE)
+def test_a_fisheye_sees_nothing_straight_behind_it(distortion):
+    camera = Camera(K, distortion, (640, 480), "fisheye")
+    points = np.array([[0, 0, -1], [1e-12, 0, -1], [0, 0, -1e-9], [0, 0, 0], [0, 0, 1], [1e-12, 0, 1], [1, 0, -1.0]])
+    xy, by_point, _ = project_with_jacobian(camera, points)
+    assert np.array_equal(xy, project(camera, points), equal_nan=True)
+    assert np.isnan(xy[:4]).all()
+    assert xy[4:6] == pytest.approx(np.tile(K[:2, 2], (2, 1)), abs=1e-8)
+    assert np.isfinite(by_point[4:]).all()
+    assert xy[6, 0] > 640
+    assert np.isnan(camera.project(points[:4])).all()
 
 
 def there_and_back(camera, directions):

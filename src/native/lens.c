@@ -80,12 +80,13 @@ INLINE double fisheye_radius(const double *k, double t, double *slope) {
     return t * (1 + t2 * (k[0] + t2 * (k[1] + t2 * (k[2] + t2 * k[3]))));
 }
 
-/* On the axis, derivatives are their limit, which doesn't depend on the direction of approach. Squares of
- * far points would overflow without hypot. */
+/* On the axis, derivatives are their limit, which doesn't depend on the direction of approach; straight behind the
+ * camera there is none, nor a point. Squares of far points would overflow without hypot. */
 INLINE void fisheye_point(const double *k, const double *p, const int slopes, Distorted *out) {
     const double r = hypot(p[0], p[1]), z = p[2], t = angle_of(r, z), square = r * r + z * z;
     double slope;
-    const double radius = fisheye_radius(k, t, &slope), scale = r > ON_AXIS ? radius / r : r <= ON_AXIS ? 1 : NAN;
+    const double ahead = r <= ON_AXIS && z > 0 ? 1 : NAN;
+    const double radius = fisheye_radius(k, t, &slope), scale = r > ON_AXIS ? radius / r : ahead;
     out->d[0] = p[0] * scale;
     out->d[1] = p[1] * scale;
     if (!slopes)
