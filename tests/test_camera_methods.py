@@ -12,6 +12,10 @@ from PIL import Image
 
 import rcdn
 from rcdn import camera_work
+from rcdn.calibration.arguments import check_spacing
+from rcdn.calibration.comparison import compare
+from rcdn.calibration.difference import difference
+from rcdn.calibration.next_view import next_view
 from rcdn.errors import FormatError, ImageError, RcdnError
 from rcdn.geometry import project, transform, zero_correction
 from rcdn.geometry.resample import undistortion
@@ -117,6 +121,15 @@ def test_pinholes_are_as_opencv_has_them():
         (lambda: BROWN.undistort(np.zeros((480, 640), np.uint8), "all"), "balance must be a number, not str"),
         (lambda: BROWN.undistortion_maps([0.5]), "balance must be a number, not list"),
         (lambda: BROWN.undistort(np.zeros((10, 10), np.uint8)), "calibrated at 640×480"),
+        (lambda: BROWN.undistort(np.ma.masked_less(np.zeros((480, 640), np.uint8), 9)), "masked pixels; fill them"),
+        (lambda: BROWN.with_parameters([1, 2, 3]), "parameters must hold 9 numbers, not 3"),
+        (lambda: BROWN.with_parameters("a"), "parameters must hold numbers"),
+        (lambda: BROWN.with_parameters(None), "parameters must have shape"),
+        (lambda: BROWN.with_parameters(np.ones((2, 9))), "parameters must have shape"),
+        (lambda: compare(BROWN, None), "b must be a Camera or a Calibration, not NoneType"),
+        (lambda: difference(BROWN, None, np.zeros((3, 2))), "b must be a Camera, not NoneType"),
+        (lambda: next_view(BROWN), "calibration must be a Calibration, .* not Camera"),
+        (lambda: check_spacing(True), "spacing is the side of one square"),
     ],
 )
 def test_wrong_arguments_are_named(call, words):

@@ -93,6 +93,8 @@ def _pixels(image: Any) -> Array:
         raise ImageError(f"image must be the pixels of a picture, not {type(image).__name__}; read it, with cv2.imread")
     if getattr(image, "mode", None) in _CONVERTED and hasattr(image, "convert"):
         image = image.convert(_CONVERTED[image.mode])
+    if np.ma.is_masked(image):
+        raise ImageError("image has masked pixels; fill them first, e.g. with image.filled(0)")
     pixels = np.asarray(image)
     dtype = pixels.dtype.newbyteorder("=")
     dtype = np.dtype(np.float32) if dtype == np.float16 else dtype

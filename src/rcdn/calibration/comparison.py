@@ -17,7 +17,7 @@ from rcdn.calibration.difference import (
     common_grid,
     displacement,
 )
-from rcdn.errors import RcdnError
+from rcdn.errors import ConfigError, RcdnError
 from rcdn.types import Array, Calibration, Camera
 from rcdn.types.arrays import Bool, Real
 
@@ -63,10 +63,13 @@ def compare(a: Camera | Calibration, b: Camera | Calibration, where: Where | Non
     """Compare two cameras of one frame size over a regular grid.
 
     `where`: `seen` needs a calibration with used corners, `frame` does not; default: `seen` where possible. Raises
-    RcdnError if the frames differ in size, if there is no area to compare, or if `seen` is requested for two cameras
-    without corners.
+    RcdnError for anything else than cameras, if the frames differ in size, if there is no area to compare, or if `seen`
+    is requested for two cameras without corners.
     """
     one, other = (c.camera if isinstance(c, Calibration) else c for c in (a, b))
+    for camera, name in ((one, "a"), (other, "b")):
+        if not isinstance(camera, Camera):
+            raise ConfigError(f"{name} must be a Camera or a Calibration, not {type(camera).__name__}")
     outlines = tuple(h for c in (a, b) if isinstance(c, Calibration) and len(h := _hull(c)))
     if where == "seen" and not outlines:
         raise RcdnError(

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rcdn.calibration.sight import cell_centres, out_of_sight
-from rcdn.errors import CalibrationError, RcdnError
+from rcdn.errors import CalibrationError, ConfigError, RcdnError
 from rcdn.geometry import cross_matrix, project, project_with_jacobian, rotation, unproject
 from rcdn.geometry.rigid import nearest_rotation, rotation_vector, unit
 from rcdn.types import Array, Calibration, Camera
@@ -177,6 +177,9 @@ def _freedom(rows: Real[Array, "m p"]) -> float:
 
 
 def _checked(a: Camera, b: Camera, pixels: Array) -> Array:
+    for camera, name in ((a, "a"), (b, "b")):
+        if not isinstance(camera, Camera):
+            raise ConfigError(f"{name} must be a Camera, not {type(camera).__name__}")
     if tuple(a.image_size) != tuple(b.image_size):
         (w, h), (cols, rows) = a.image_size, b.image_size
         raise RcdnError(

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rcdn.calibration.added_view import Forecast
+from rcdn.calibration.arguments import check_calibration
 from rcdn.calibration.board_points import flat_points, plane_of
 from rcdn.calibration.candidates import SIDES, Candidates, board_corners, candidates, in_frame, placed
 from rcdn.calibration.one_thread import one_thread
@@ -89,6 +90,7 @@ def next_view(
     not make the prediction too optimistic. The prediction is of first order: the model is assumed to be right and its
     errors to be small. The choice is among the candidates only, and deterministic.
     """
+    check_calibration(calibration)
     distances = _distances(calibration) if distances is None else distances
     forecast = Forecast.of(calibration)
     if not len(distances) or forecast is None:

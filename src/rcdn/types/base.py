@@ -53,6 +53,13 @@ def _shaped(value: Any, dtype: np.dtype[Any], tail: tuple[int, ...], called: str
     return array
 
 
+def row_of(value: Any, called: str) -> Array:
+    """`value` as an array (N,) of floats. Raises RcdnError, whose message begins with `called`, for anything else."""
+    if type(value) is np.ndarray and value.dtype == np.float64 and value.ndim == 1:
+        return value
+    return _shaped(value, np.dtype(np.float64), (), called)
+
+
 def shape_of(value: Any, called: str) -> tuple[int, ...]:
     """The shape of `value`, an array or convertible to one. Raises RcdnError for rows of unequal length."""
     try:

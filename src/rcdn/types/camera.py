@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from rcdn.errors import RcdnError, shown
 from rcdn.provided import camera_work
 from rcdn.types.arrays import Real
-from rcdn.types.base import Array, Value, freeze
+from rcdn.types.base import Array, Value, freeze, row_of
 from rcdn.types.correction import LensCorrection
 from rcdn.types.named import Named
 from rcdn.types.ranges import CHAINED, coefficient_trouble, focal_trouble, is_rigid, two_integers, whole_size
@@ -226,10 +226,13 @@ class Camera(Value):
         """
         return _work().load(path, name, format)
 
-    def with_parameters(self, parameters: Array) -> Camera:
+    def with_parameters(self, parameters: ArrayLike) -> Camera:
         """A camera with these `parameters`, and the same model, size, skew and grid of the correction. Its focal
         lengths and coefficients may be out of range, as on the way of a solver. Raises RcdnError as Camera does for all
         else."""
+        parameters = row_of(parameters, "parameters")
+        if len(parameters) < 4:
+            raise RcdnError(f"parameters must hold {len(self.parameters)} numbers, not {len(parameters)}")
         fx, fy, cx, cy = (float(v) for v in parameters[:4])
         end = len(parameters) if self.correction is None else self.coefficients
         new: dict[str, Any] = {

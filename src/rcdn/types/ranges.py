@@ -66,9 +66,9 @@ def two_integers(value: Any) -> tuple[int, int] | None:
 
 
 def is_spacing(value: Any) -> bool:
-    """Whether `value` is a valid side of a square, m."""
+    """Whether `value` is a valid side of a square, m; True isn't."""
     try:
-        return isinstance(value, Real) and SPACING[0] <= float(value) <= SPACING[1]
+        return isinstance(value, Real) and not isinstance(value, bool) and SPACING[0] <= float(value) <= SPACING[1]
     except OverflowError:
         return False
 
