@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from numbers import Real
 from pathlib import Path
 from typing import Any
@@ -61,16 +62,22 @@ def _number(balance: Any) -> float:
     return float(balance)
 
 
-_kept: tuple[tuple[Camera, float, Undistortion], ...] = ()
+_kept: tuple[tuple[object, float | str, Undistortion], ...] = ()
 """the last conversions, the latest first; replaced as a whole, so that threads need no lock"""
 
 
 def _undistortion(camera: Camera, balance: float) -> Undistortion:
-    """The conversion of a camera's pictures. The last one is kept, and those before it within KEPT bytes."""
+    """The conversion of a camera's pictures."""
+    return _conversion(camera, balance, lambda: undistortion(camera, balance))
+
+
+def _conversion(owner: object, which: float | str, make: Callable[[], Undistortion]) -> Undistortion:
+    """The conversion `which` of its `owner`, made if it isn't kept. The last one is kept, and those before it within
+    KEPT bytes."""
     global _kept
-    made = next((made for of, at, made in _kept if of is camera and at == balance), None)
-    made = undistortion(camera, balance) if made is None else made
-    recent, left = [(camera, balance, made)], KEPT - _bytes(made)
+    made = next((made for of, at, made in _kept if of is owner and at == which), None)
+    made = make() if made is None else made
+    recent, left = [(owner, which, made)], KEPT - _bytes(made)
     for of, at, other in _kept:
         left -= _bytes(other) * (other is not made)
         if other is not made and left >= 0:
@@ -106,18 +113,16 @@ def _pixels(image: Any) -> Array:
 
 def rectify(pair: StereoCalibration | io.StereoCameras, left: Any, right: Any) -> tuple[Array, Array]:
     """See `StereoCalibration.rectify`."""
-    first, second = _rectifications(pair)
-    return first(_pixels(left)), second(_pixels(right))
+    cameras = io.StereoCameras.of(pair)
+    turns, size = cameras.turns, cameras.left.image_size
 
+    def first() -> Undistortion:
+        return rectification(cameras.left, turns.R_left, turns.P_left, size)
 
-@lru_cache(maxsize=2)
-def _rectifications(pair: StereoCalibration | io.StereoCameras) -> tuple[Undistortion, Undistortion]:
-    found = io.StereoCameras.of(pair)
-    turns, size = found.turns, found.left.image_size
-    return (
-        rectification(found.left, turns.R_left, turns.P_left, size),
-        rectification(found.right, turns.R_right, turns.P_right, size),
-    )
+    def second() -> Undistortion:
+        return rectification(cameras.right, turns.R_right, turns.P_right, size)
+
+    return _conversion(pair, "left", first)(_pixels(left)), _conversion(pair, "right", second)(_pixels(right))
 
 
 def save(camera: Camera, path: str | Path, format: str | None) -> str:

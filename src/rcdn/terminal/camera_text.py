@@ -11,7 +11,7 @@ from rcdn.errors import many
 from rcdn.geometry.rigid import rotation_angle
 from rcdn.geometry.spline_grid import largest_shift
 from rcdn.terminal.group import one_line
-from rcdn.types.camera import pose_std
+from rcdn.types.pose import pose_std
 from rcdn.types.shown import decimals
 
 if TYPE_CHECKING:

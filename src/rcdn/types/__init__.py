@@ -16,11 +16,12 @@ from rcdn.types.calibration import (
     StereoCalibration,
     Verdict,
 )
-from rcdn.types.camera import LENS, Camera, CameraModel, Pose, PoseEstimate, pose_std, translation_covariance
+from rcdn.types.camera import LENS, Camera, CameraModel
 from rcdn.types.corners import Board, Corners, Orientation, Status, usual_size
 from rcdn.types.correction import LensCorrection
 from rcdn.types.limits import Warnings, allowed
 from rcdn.types.plane import SQUARES, Pattern, Plane, plane_points
+from rcdn.types.pose import Pose, PoseEstimate, pose_std, translation_covariance
 from rcdn.types.printed import Checkerboard, Deltille, Print, Printed, PuzzlePart
 from rcdn.types.rig import Rig, RigPoseEstimate
 from rcdn.types.rig_calibration import FixedBoard, MissingLink, RigCalibration, RigPair, TimeShift

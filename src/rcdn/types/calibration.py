@@ -11,10 +11,11 @@ from rcdn.errors import RcdnError, many, shown
 from rcdn.provided import camera_work
 from rcdn.types.base import Array, Value, freeze
 from rcdn.types.board_shape import BoardShape
-from rcdn.types.camera import Camera, Pose
+from rcdn.types.camera import Camera
 from rcdn.types.corners import Orientation
 from rcdn.types.named import Named
 from rcdn.types.plane import Plane
+from rcdn.types.pose import Pose
 from rcdn.types.ranges import LABEL, POSITION
 from rcdn.types.shown import deviations, paragraph
 from rcdn.types.target import Target

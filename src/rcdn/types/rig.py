@@ -10,7 +10,8 @@ import numpy as np
 from rcdn.errors import RcdnError, many
 from rcdn.types.arrays import Real
 from rcdn.types.base import Array, Value, freeze
-from rcdn.types.camera import Camera, Pose, pose_std
+from rcdn.types.camera import Camera
+from rcdn.types.pose import Pose, pose_std
 from rcdn.types.shown import table
 
 
