@@ -38,6 +38,11 @@ NO_CORNERS: dict[Other, str] = {
 }
 MIRRORED = READ_IN_A_MIRROR + "{} has no numbers, since its codes are seen in a mirror; flip the picture"
 
+CONTRADICTED = (
+    "contradictory: {} × {} corners have no numbers, since their codes contradict each other: the frame is torn, or "
+    "parts of several boards meet"
+)
+
 
 @dataclass(frozen=True, eq=False)
 class Detection:
@@ -45,8 +50,8 @@ class Detection:
     largest first.
 
     `warnings`: a line for each limit that left something out, since the image shows more than can be processed in the
-    time allowed for its size, and for targets that are detected but `not supported` or `mirrored`; a usual photograph
-    has none.
+    time allowed for its size, and for targets that are detected but `not supported`, `mirrored` or `contradictory`; a
+    usual photograph has none.
     """
 
     corners: Corners
@@ -179,6 +184,8 @@ class Detector:
         attempt, mirrored = identified_or_mirrored(grey, board, self._given)
         if mirrored is not None:
             warnings.add("mirrored", MIRRORED.format(mirrored))
+        elif attempt.contradicted:
+            warnings.add("contradictory", CONTRADICTED.format(*board.size))
         elif attempt.board.target is None and attempt.enough(self._given):
             return self._read_exact(grey, board)
         return attempt.board

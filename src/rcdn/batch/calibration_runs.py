@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from rcdn.types import Board, Calibration, StereoCalibration, Verdict
 
 
-REASONS = ("not supported: ", "mirrored: ")
+REASONS = ("not supported: ", "mirrored: ", "contradictory: ")
 """prefixes of the warnings that state why a detection isn't a board"""
 
 FEWEST_FRAMES = 8

@@ -3,10 +3,12 @@ likely."""
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from rcdn.errors import ConfigError, shown
-from rcdn.targets.charuco import ACCEPT, CANDIDATES, MARGIN, SURE
+from rcdn.targets.charuco import ACCEPT, CANDIDATES, MARGIN, SURE, contradicted
 from rcdn.targets.families import families, family_of
 from rcdn.targets.gains import MOST_COLUMNS, gains
 from rcdn.targets.marker import Frame, appearance, evidence, modules
@@ -28,17 +30,30 @@ NAMES = {
 }
 
 
+class _Numbering(NamedTuple):
+    """A numbering of the tags, with its evidence `bits`: the family's `name`, the tags' `border`, `turns` to upright,
+    `columns` of the board, number `lowest` of the tag at the bottom left; whether other tags contradict it."""
+
+    bits: float
+    name: str
+    border: int
+    turns: int
+    columns: int
+    lowest: int
+    contradicted: bool
+
+
 def read_aprilgrid(grey: Array, grid: Array, given: AprilGrid | None = None) -> Reading | None:
     """The numbering of R × C tags whose corners are at `grid` (2 R, 2 C, 2) px, NaN where unknown; None if none is
     certain.
 
-    `given`: the target given by the user (None: unknown).
+    `given`: the target given by the user (None: unknown); of a certain one, see `Reading.contradicted`.
     """
     lifted = _lifted(_cells(grey, grid))
     seen = np.asarray(np.isfinite(lifted).all(axis=(2, 3)))
     if seen.sum() < 2:
         return None
-    found: list[tuple[float, str, int, int, int, int]] = []
+    found: list[_Numbering] = []
     own = None if given is None else family_of(dictionary_of(given.family))
     for frame in FRAMES if given is None else (Frame(given.border, filling=True),):
         for side in (4, 5, 6) if own is None else (own.bits.shape[1],):
@@ -50,20 +65,19 @@ def read_aprilgrid(grey: Array, grid: Array, given: AprilGrid | None = None) -> 
             for family in families(side) if own is None else (own,):
                 if family.names[0] in NAMES:
                     found += _numberings(ratios, seen, family.bits, NAMES[family.names[0]], frame.border, given)
-    found.sort(key=lambda f: -f[0])
-    if not found or found[0][0] < (ACCEPT if given is None else SURE + np.log2(4 * _places(seen.shape, given))):
+    found.sort(key=lambda f: -f.bits)
+    if not found or found[0].bits < (ACCEPT if given is None else SURE + np.log2(4 * _places(seen.shape, given))):
         return None
-    same = lambda f: (f[1], *f[3:])  # noqa: E731 – the numbering, for any border
-    others = [f[0] for f in found if same(f) != same(found[0])]
-    margin = found[0][0] - max(others, default=0.0)
+    best = found[0]
+    same = lambda f: (f.name, f.turns, f.columns, f.lowest)  # noqa: E731 – the numbering, for any border
+    margin = best.bits - max((f.bits for f in found if same(f) != same(best)), default=0.0)
     if margin < MARGIN:
         return None
-    bits, name, border, turns, columns, lowest = found[0]
     if given is not None:
-        row, column = divmod(lowest - given.first_id, given.columns)
-        width = seen.shape[1 - turns % 2]
-        return Reading(given, (turns + 2) % 4, (2 * (columns - column - width), 2 * row), bits, margin)
-    return _placed(bits, margin, name, border, turns, columns, lowest, seen, gap_of(grid), _may_go_on(grid, grey.shape))
+        row, column = divmod(best.lowest - given.first_id, given.columns)
+        place = 2 * (best.columns - column - seen.shape[1 - best.turns % 2]), 2 * row
+        return Reading(given, (best.turns + 2) % 4, place, best.bits, margin, best.contradicted)
+    return _placed(best, margin, seen, gap_of(grid), _may_go_on(grid, grey.shape))
 
 
 def _cells(grey: Array, grid: Array) -> Real[Array, "r c s s"]:
@@ -143,9 +157,8 @@ def _lifted(cells: Array) -> Real[Array, "r c s s"]:
 
 def _numberings(
     ratios: Array, seen: Array, bits: Array, name: str, border: int, given: AprilGrid | None = None
-) -> list[tuple[float, str, int, int, int, int]]:
-    """The likeliest numberings, as (evidence, family, border, turns, columns, number of the tag at the bottom left of
-    the upright grid)."""
+) -> list[_Numbering]:
+    """The likeliest numberings by markers `bits` of the family `name`."""
     out = []
     for turns in range(4):
         turned = np.rot90(np.rot90(ratios, turns, (0, 1)), turns, (2, 3))
@@ -161,10 +174,12 @@ def _numberings(
             continue
         number = choice[:, 1:] + column + choice[:, :1] * up
         valid = (number < len(bits)).all(axis=1)
-        score = np.where(valid, gain[np.arange(len(row)), np.minimum(number, len(bits) - 1)].sum(axis=1), -np.inf)
-        out += [
-            (float(score[m]), name, border, turns, int(choice[m, 0]), int(choice[m, 1])) for m in np.argsort(-score)[:2]
-        ]
+        own = gain[np.arange(len(row)), np.minimum(number, len(bits) - 1)]
+        score = np.where(valid, own.sum(axis=1), -np.inf)
+        for m in np.argsort(-score)[:2]:
+            columns, lowest = choice[m].tolist()
+            against = contradicted(gain.max(axis=1), own[m], len(bits))
+            out.append(_Numbering(float(score[m]), name, border, turns, columns, lowest, against))
     return out
 
 
@@ -188,28 +203,19 @@ def _choices(gain: Array, column: Array, up: Array, width: int) -> Int[Array, "m
     return np.asarray(np.unique(np.stack([columns, lowest], axis=1)[lowest >= 0], axis=0))
 
 
-def _placed(
-    bits: float,
-    margin: float,
-    name: str,
-    border: int,
-    turns: int,
-    columns: int,
-    lowest: int,
-    seen: Array,
-    gap: float,
-    goes_on: Array,
-) -> Reading | None:
+def _placed(best: _Numbering, margin: float, seen: Array, gap: float, goes_on: Array) -> Reading | None:
     """The position of the grid on its board: a board whose numbering starts at 0, unless the grid is a whole board,
     which may start at any number."""
+    columns, turns = best.columns, best.turns
     height, width = seen.shape if turns % 2 == 0 else seen.shape[::-1]
     right, upper, left, lower = np.roll(goes_on, turns)
     whole = seen.all() and columns == width and not (right or left or lower)
-    first = lowest if whole else 0
-    column, row = (lowest - first) % columns, (lowest - first) // columns
+    first = best.lowest if whole else 0
+    column, row = (best.lowest - first) % columns, (best.lowest - first) // columns
     if column + width > columns:
         return None
     rows = row + height if seen.all() and not upper else None
-    target = AprilGrid(columns, rows, name, round(gap, 2), border, first)
+    target = AprilGrid(columns, rows, best.name, round(gap, 2), best.border, first)
     # labels count from the bottom right, to the left and upwards: rotated by half a turn from upright
-    return Reading(target, (turns + 2) % 4, (2 * (columns - column - width), 2 * row), bits, margin)
+    place = 2 * (columns - column - width), 2 * row
+    return Reading(target, (turns + 2) % 4, place, best.bits, margin, best.contradicted)

@@ -29,6 +29,8 @@ SURE = 23.0
 """bits of evidence with which a single layout is accepted: 10⁻⁶, for 8 pieces"""
 CERTAIN = 5.0
 """bits of evidence, in addition to log2 of the number of markers, with which a square is certain of its marker"""
+AGAINST = 0.125
+"""largest share of squares certain of other markers than their layout's, relative to those certain of its markers"""
 MIRRORED = ACCEPT / 2
 """bits: the mirror image is searched if the bound on the evidence for a layout in it, computed from the picture itself,
 is at least this high"""
@@ -63,6 +65,7 @@ class _Layout:
     turns: int
     last_row: bool
     highest: int
+    contradicted: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +119,7 @@ def read_charuco(
     ends: Array | None = None,
     ended: Callable[[float], Array] | None = None,
 ) -> Reading | None:
-    """The layout of the `markers` of a board, or None if none is certain.
+    """The layout of the `markers` of a board, or None if none is certain; of one that is, see `Reading.contradicted`.
 
     `given`: the board given by the user (None: unknown); `ends`: see `ends_of`, or None if the board may extend
     beyond its detected corners; `ended` returns (3, 3) bool from the contrast, see `ended_sides`; None: False on all
@@ -232,7 +235,7 @@ def _place_on(scored: list[_Scores], given: Charuco) -> Reading | None:
     if not layouts or layouts[0].bits < SURE + np.log2(RIMS * count):
         return None
     top, margin = layouts[0], layouts[0].bits - (layouts[1].bits if len(layouts) > 1 else 0.0)
-    return Reading(given, top.turns, top.place, top.bits, margin) if margin > MARGIN else None
+    return Reading(given, top.turns, top.place, top.bits, margin, top.contradicted) if margin > MARGIN else None
 
 
 def _likeliest(
@@ -282,7 +285,7 @@ def _reading(top: _Layout, rows: int | None, margin: float) -> Reading:
         legacy=not top.odd,
         inverted=top.appearance.white < 0,
     )
-    return Reading(target, top.turns, top.place, top.bits, margin)
+    return Reading(target, top.turns, top.place, top.bits, margin, top.contradicted)
 
 
 @dataclass(frozen=True, eq=False)
@@ -348,6 +351,7 @@ class _Scores:
                 yield _Layout(
                     float(bits[k]), self.appearance, self.family, columns, (u, v), bool(odd), first, self.turns,
                     bool(foot[k] > 0), int(marker[k][used].max()),
+                    contradicted(self.most[exists[k]], gain[k][exists[k]], len(self.family)),
                 )  # fmt: skip
 
     def _agree_with(self, gain: Real[Array, " k"]) -> bool:
@@ -356,7 +360,7 @@ class _Scores:
 
         Without this test a few markers that are consecutive by chance would outweigh the contradiction of all others.
         """
-        certain = self.most > CERTAIN + np.log2(len(self.family))
+        certain = _certain(self.most, len(self.family))
         return bool((certain & (gain <= 0)).sum() <= (certain & (gain > 0)).sum())
 
     def _anchors(self) -> tuple[Array, Array]:
@@ -399,6 +403,21 @@ class _Scores:
         columns, odd, zero = np.full_like(square, self.shape[1]), (column + row) % 2, np.zeros_like(square)
         first = marker - index_of(column, row, columns, odd.astype(bool))
         return np.stack([zero, zero, columns, odd, first], axis=1)[first > 0]
+
+
+def contradicted(most: Real[Array, " k"], gain: Real[Array, " k"], markers: int) -> bool:
+    """Whether too many squares are certain of another marker than a layout has in them: it is then one of parts that
+    don't belong together, such as those of a torn frame, and the numbers of some or all corners would be wrong.
+
+    `most`, `gain` (K,): evidence of the squares for the likeliest of so many `markers`, and for the layout's. Squares
+    that can't be read, behind a cover or under glare, don't contradict.
+    """
+    certain = _certain(most, markers)
+    return bool((certain & (gain <= 0)).sum() > AGAINST * (certain & (gain > 0)).sum())
+
+
+def _certain(most: Real[Array, " k"], markers: int) -> Bool[Array, " k"]:
+    return np.asarray(most > CERTAIN + np.log2(markers))
 
 
 def _unique(layouts: Array) -> Real[Array, "m 5"]:

@@ -18,7 +18,7 @@ def identified_or_mirrored(
     decoded with certainty in the mirror image of the picture `grey` (H, W), else None. `given`: the target given by the
     user (None: unknown)."""
     attempt = identified_straight(grey, board, given)
-    known = attempt.board.target is not None
+    known = attempt.board.target is not None or attempt.contradicted
     return attempt, None if known else _mirrored_target(grey, board, given, attempt.mirrored(given))
 
 

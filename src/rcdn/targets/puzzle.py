@@ -14,7 +14,7 @@ import numpy as np
 from rcdn.targets.quick_test import FAINT
 from rcdn.targets.reading import Reading
 from rcdn.types import Array, PuzzleBoard
-from rcdn.types.arrays import Bool, Real
+from rcdn.types.arrays import Bool, Int, Real
 from rcdn.types.target import PUZZLE
 
 ACCEPT = 43.0
@@ -22,6 +22,8 @@ ACCEPT = 43.0
 pieces of boards"""
 MARGIN = 20.0
 """bits by which it must exceed the next place"""
+AGAINST = 0.08
+"""largest share of clear circles of the other colour than the code's, relative to those of its colour"""
 CAP = 3.0
 """largest log-likelihood ratio of a circle: one in twenty is hidden, dirty or overexposed"""
 LEAST_SIGMA = 0.05
@@ -72,7 +74,7 @@ def read_puzzle(grey: Array, grid: Array, seen: Array) -> Reading | None:
         return None
     found = []
     for turns in range(4):
-        x, y = (np.rot90(a, turns) for a in ((along_x, along_y) if turns % 2 == 0 else (along_y, along_x)))
+        x, y = _turned(along_x, along_y, turns)
         total = (
             np.tile(_votes(y, CODE_1), (PUZZLE // 3, 3)) + np.tile(_votes(x.T, CODE_2), (PUZZLE // 3, 3)).T
         )  # [row, column]
@@ -85,7 +87,31 @@ def read_puzzle(grey: Array, grid: Array, seen: Array) -> Reading | None:
     margin = bits - max(second, found[1][0])
     if bits < ACCEPT or margin < MARGIN:
         return None
-    return Reading(PuzzleBoard(), turns, (best % PUZZLE, best // PUZZLE), bits, margin)
+    place = best % PUZZLE, best // PUZZLE
+    return Reading(PuzzleBoard(), turns, place, bits, margin, _contradicted(along_x, along_y, turns, place))
+
+
+def _turned(along_x: Array, along_y: Array, turns: int) -> tuple[Array, Array]:
+    """The circles on the edges along x and along y, in the picture rotated by `turns` quarter turns."""
+    x, y = (np.rot90(a, turns) for a in ((along_x, along_y) if turns % 2 == 0 else (along_y, along_x)))
+    return x, y
+
+
+def _contradicted(along_x: Array, along_y: Array, turns: int, place: tuple[int, int]) -> bool:
+    """Whether too many of the clear circles have the other colour than the code at `place`: half of them do where a
+    part of the board isn't there, such as that below the tear of a torn frame."""
+    x, y = _turned(along_x, along_y, turns)
+    both = ((y, CODE_1, place), (x.T, CODE_2, place[::-1]))
+    signed = np.concatenate([(ratio * _colours(code, at, ratio.shape)).ravel() for ratio, code, at in both])
+    return bool((signed <= -CAP).sum() > AGAINST * (signed >= CAP).sum())
+
+
+def _colours(code: tuple[str, ...], at: tuple[int, int], shape: tuple[int, ...]) -> Int[Array, "r c"]:
+    """Colours of the circles of `shape` (R, C) edges, the first of which is `at` (column, row) of the periodic `code`:
+    1 white, −1 black."""
+    bits = np.array([[int(bit) for bit in row] for row in code])
+    row, column = np.indices(shape)
+    return np.asarray(2 * bits[(row + at[1]) % len(bits), (column + at[0]) % bits.shape[1]] - 1)
 
 
 def _edges(seen: Bool[Array, "r c"]) -> int:

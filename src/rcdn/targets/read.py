@@ -36,10 +36,12 @@ def identified(grey: Shaped[Array, "h w"], board: Board, given: Target | None = 
 
 @dataclass(frozen=True, eq=False)
 class Attempt:
-    """A `board`, identified if its codes were certain; if they weren't, the `markers` seen."""
+    """A `board`, identified if its codes were certain; if they weren't, the `markers` seen, and whether they are
+    `contradicted`: clearly read, but not of one board."""
 
     board: Board
     markers: Sequence[Markers] = ()
+    contradicted: bool = False
 
     def mirrored(self, given: Target | None) -> bool:
         """Whether the markers may be readable in the mirror image; `given`: the target given by the user."""
@@ -56,7 +58,7 @@ def identified_straight(
 ) -> Attempt:
     """`identified`, and what may be tried if no code is certain. `markers`: try to read markers at all."""
     if board.pattern == "aprilgrid":
-        return Attempt(_tags(grey, board, given) if given is None or isinstance(given, AprilGrid) else board)
+        return _tags(grey, board, given) if given is None or isinstance(given, AprilGrid) else Attempt(board)
     if isinstance(given, AprilGrid) or board.pattern != "checker" or min(board.size) < 2:
         return Attempt(board)
     grid, found = grid_with_ring(board)
@@ -66,9 +68,9 @@ def identified_straight(
         reading, seen = _markers(grey, grid, found, given, part)
     if reading is None and not isinstance(given, Charuco):
         reading = read_puzzle(grey, grid, found)
-    if reading is not None:
-        return Attempt(_placed(board, reading))
-    return Attempt(board, seen)
+    if reading is None:
+        return Attempt(board, seen)
+    return Attempt(board, contradicted=True) if reading.contradicted else Attempt(_placed(board, reading))
 
 
 def _markers(
@@ -111,14 +113,16 @@ def _dark(squares: Array, marked: Array, inner: Array) -> Real[Array, "r c"]:
     return np.where(known.any(axis=0), mean, np.median(level[usable]))
 
 
-def _tags(grey: Array, board: Board, given: AprilGrid | None) -> Board:
+def _tags(grey: Array, board: Board, given: AprilGrid | None) -> Attempt:
     """A lattice of tags, labelled as an AprilGrid if its numbering is certain."""
     columns, rows = (2 * (n // 2 + 1) for n in board.ij.max(axis=0).tolist())
     grid, index = np.full((rows, columns, 2), np.nan), np.full((rows, columns), -1)
     i, j = board.ij.T
     grid[j, i], index[j, i] = board.xy, np.arange(len(board))
     reading = read_aprilgrid(grey, grid, given)
-    return board if reading is None else _relabelled(board, reading, index)
+    if reading is None or reading.contradicted:
+        return Attempt(board, contradicted=reading is not None)
+    return Attempt(_relabelled(board, reading, index))
 
 
 def _placed(board: Board, reading: Reading) -> Board:

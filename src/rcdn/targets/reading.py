@@ -13,7 +13,8 @@ class Reading:
 
     `turns`: counter-clockwise quarter turns that bring the grid of the picture to the orientation of the target's
     labels; `place`: the label of the first corner of the rotated grid; `bits` of evidence, and their `margin` over
-    the next hypothesis.
+    the next hypothesis; `contradicted`: codes that are read with certainty are others than the target has there, so
+    that the reading gives no numbers.
     """
 
     target: Target
@@ -21,3 +22,4 @@ class Reading:
     place: tuple[int, int]
     bits: float
     margin: float
+    contradicted: bool = False
