@@ -7,7 +7,7 @@ import pytest
 from coded_scene import SQUARE, Drawing, aprilgrid, charuco, numbered, puzzleboard, seen
 
 from rcdn import Detector, DetectorConfig
-from rcdn.targets.charuco import contradicted
+from rcdn.targets.charuco_layouts import contradicted
 from rcdn.types import AprilGrid, Charuco
 from rcdn_lab.coded.drawings import MARGIN, TAG
 

@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from rcdn.errors import ConfigError, shown
-from rcdn.targets.charuco import ACCEPT, CANDIDATES, MARGIN, SURE, contradicted
+from rcdn.targets.charuco import ACCEPT, MARGIN, SURE
+from rcdn.targets.charuco_layouts import CANDIDATES, contradicted
 from rcdn.targets.families import families, family_of
 from rcdn.targets.gains import MOST_COLUMNS, gains
 from rcdn.targets.marker import Frame, appearance, evidence, modules

@@ -8,15 +8,15 @@ for any of M layouts with at most M · 2^−T.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
+from rcdn.targets.charuco_layouts import Layout, Scores
 from rcdn.targets.families import Family, families, family_of
-from rcdn.targets.gains import MOST_COLUMNS, MarkedSquares, framed
-from rcdn.targets.layout import index_of, odd_markers, place_of
+from rcdn.targets.gains import MarkedSquares, framed
 from rcdn.targets.marker import Appearance, Frame, appearance, evidence, modules
 from rcdn.targets.reading import Reading
 from rcdn.types import Array, Charuco
@@ -27,10 +27,6 @@ ACCEPT = 49.0
 layouts (4 orientations, 10 families, 2 parities, 62 widths, 2,000 positions, 4 rims; 9 looks at boards and pieces)"""
 SURE = 23.0
 """bits of evidence with which a single layout is accepted: 10⁻⁶, for 8 pieces"""
-CERTAIN = 5.0
-"""bits of evidence, in addition to log2 of the number of markers, with which a square is certain of its marker"""
-AGAINST = 0.125
-"""largest share of squares certain of other markers than their layout's, relative to those certain of its markers"""
 MIRRORED = ACCEPT / 2
 """bits: the mirror image is searched if the bound on the evidence for a layout in it, computed from the picture itself,
 is at least this high"""
@@ -47,25 +43,6 @@ FRAME = Frame()
 FRAMED = 16.0
 """least evidence for the black borders of all markers together, bits: textures and drawings have none, boards
 hundreds"""
-HOPEFUL = 100
-"""largest number of layouts of one family and orientation that are evaluated on all squares"""
-ANCHORS, CANDIDATES = 12, 4
-"""number of squares, and of candidate markers of each, that generate hypotheses of layouts"""
-
-
-@dataclass(frozen=True, eq=False)
-class _Layout:
-    bits: float
-    appearance: Appearance
-    family: Family
-    columns: int
-    place: tuple[int, int]
-    odd: bool
-    first: int
-    turns: int
-    last_row: bool
-    highest: int
-    contradicted: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,12 +127,12 @@ def may_be_mirrored(markers: Sequence[Markers]) -> bool:
     return any((m.squares.most_evidence(m.families, MIRRORED, mirrored=True) >= MIRRORED).any() for m in markers)
 
 
-def _promising(markers: Markers, able: Bool[Array, "f 4"]) -> list[_Scores]:
+def _promising(markers: Markers, able: Bool[Array, "f 4"]) -> list[Scores]:
     """Evidence of the families and orientations that are `able` (families, 4) to have a certain layout."""
     squares = markers.squares
     turned = {turns: squares.turned(turns) for turns in np.flatnonzero(able.any(axis=0)).tolist()}
     return [
-        _Scores(t.gains(family, FRAME.border), t.row, t.column, t.shape, markers.appearance, family, turns)
+        Scores(t.gains(family, FRAME.border), t.row, t.column, t.shape, markers.appearance, family, turns)
         for family, row in zip(markers.families, able, strict=True)
         for turns, t in turned.items()
         if row[turns]
@@ -178,7 +155,7 @@ def ends_of(squares: Array, inner: Array) -> Bool[Array, "r c"]:
     return np.asarray(np.isfinite(squares).all(axis=(2, 3)) & inner[1:-1, 1:-1].all())
 
 
-def _best(scored: list[_Scores], shape: tuple[int, ...], ends: Array | None, ended: Array) -> Reading | None:
+def _best(scored: list[Scores], shape: tuple[int, ...], ends: Array | None, ended: Array) -> Reading | None:
     """The most likely layout, if it is certain: one whose markers are counted from 0, unless that of a whole board that
     starts at another number is likelier.
 
@@ -208,7 +185,7 @@ def _seen_whole(ended: Array) -> bool:
 
 
 def _place(
-    scored: list[_Scores], given: Charuco, shape: tuple[int, ...], ended: Callable[[float], Array] | None
+    scored: list[Scores], given: Charuco, shape: tuple[int, ...], ended: Callable[[float], Array] | None
 ) -> Reading | None:
     """The likeliest position on the `given` board, or, where that explains more by `MARGIN`, on the same one of the
     other layout (legacy or not): few know which of them is theirs. Moved by a column, both may explain the same
@@ -222,11 +199,11 @@ def _place(
     return other if bits[1] > bits[0] + MARGIN else own
 
 
-def _place_on(scored: list[_Scores], given: Charuco) -> Reading | None:
+def _place_on(scored: list[Scores], given: Charuco) -> Reading | None:
     """The likeliest position on the `given` board, if it is certain among all positions and orientations on that
     board."""
     count = 0
-    layouts: list[_Layout] = []
+    layouts: list[Layout] = []
     for scores in scored:
         places = scores.places_on(given)
         count += len(places)
@@ -239,9 +216,9 @@ def _place_on(scored: list[_Scores], given: Charuco) -> Reading | None:
 
 
 def _likeliest(
-    scored: list[_Scores], shape: tuple[int, ...], ends: Array | None, ended: Array, any_first: bool
-) -> list[_Layout]:
-    layouts: list[_Layout] = []
+    scored: list[Scores], shape: tuple[int, ...], ends: Array | None, ended: Array, any_first: bool
+) -> list[Layout]:
+    layouts: list[Layout] = []
     for scores in scored:
         if layouts and scores.hope < layouts[0].bits - MARGIN:
             break  # no remaining layout can come near the best one
@@ -250,11 +227,11 @@ def _likeliest(
     return layouts
 
 
-def _weighed(layout: _Layout, shape: tuple[int, ...], ended: Array) -> _Layout:
+def _weighed(layout: Layout, shape: tuple[int, ...], ended: Array) -> Layout:
     return replace(layout, bits=layout.bits - ENDED * _against(layout, layout.columns, shape, ended))
 
 
-def _against(at: _Layout | Reading, columns: int, shape: tuple[int, ...], ended: Array) -> int:
+def _against(at: Layout | Reading, columns: int, shape: tuple[int, ...], ended: Array) -> int:
     """The number of sides on which a board of so many `columns` is seen to end (`ended`) with the squares of `shape`
     (R, C), but doesn't according to the turns and the place of these squares `at` which it is taken to be."""
     sides, (u, v) = np.rot90(ended, at.turns), at.place
@@ -262,20 +239,20 @@ def _against(at: _Layout | Reading, columns: int, shape: tuple[int, ...], ended:
     return int(sides[0, 1] and v != 0) + int(sides[1, 0] and u != 0) + int(sides[1, 2] and u + width != columns)
 
 
-def _rows(layout: _Layout, ends: Array | None) -> int | None:
+def _rows(layout: Layout, ends: Array | None) -> int | None:
     """The number of rows of the board; None if there may be more rows outside the detected ones."""
     if ends is None or not layout.last_row or not np.rot90(ends, layout.turns)[-1].all():
         return None
     return layout.place[1] + ends.shape[layout.turns % 2]
 
 
-def _possible(ends: Array | None) -> Callable[[_Layout], bool]:
+def _possible(ends: Array | None) -> Callable[[Layout], bool]:
     """A predicate for layouts that exist in print: a first square with a marker (legacy) requires an even or
     unknown number of rows."""
     return lambda layout: layout.odd or (_rows(layout, ends) or 0) % 2 == 0
 
 
-def _reading(top: _Layout, rows: int | None, margin: float) -> Reading:
+def _reading(top: Layout, rows: int | None, margin: float) -> Reading:
     target = Charuco(
         top.columns,
         rows,
@@ -286,144 +263,3 @@ def _reading(top: _Layout, rows: int | None, margin: float) -> Reading:
         inverted=top.appearance.white < 0,
     )
     return Reading(target, top.turns, top.place, top.bits, margin, top.contradicted)
-
-
-@dataclass(frozen=True, eq=False)
-class _Scores:
-    """Evidence `gain` (K, N), bits, for N markers in K squares at `row`, `column` (K,) of the `shape` (height, width)
-    squares of the rotated picture."""
-
-    gain: Array
-    row: Array
-    column: Array
-    shape: tuple[int, int]
-    appearance: Appearance
-    family: Family
-    turns: int
-
-    @cached_property
-    def most(self) -> Real[Array, " k"]:
-        """Evidence (K,) for the likeliest marker of each square."""
-        return np.asarray(self.gain.max(axis=1))
-
-    @property
-    def hope(self) -> float:
-        """Upper bound of the evidence for any layout."""
-        return float(np.maximum(self.most, 0).sum()) if self.gain.size else 0.0
-
-    def layouts(self, any_first: bool) -> Iterator[_Layout]:
-        """The most likely layouts: with markers counted from 0, or (`any_first`) from any number, but then exactly as
-        large as the squares seen."""
-        yield from self.scored(self._hopeful(_unique(self._whole_boards() if any_first else self._parts_of_boards())))
-
-    def _hopeful(self, found: Array) -> Real[Array, "m 5"]:
-        """The layouts (M, 5) with the most evidence in the most certain squares, at most `HOPEFUL` of them."""
-        if len(found) <= HOPEFUL:
-            return found
-        some = np.argsort(-self.most)[:ANCHORS]
-        marker, exists, _ = self._markers_of(found, some, None)
-        bits = np.where(exists, self.gain[some, np.clip(marker, 0, len(self.family) - 1)], 0.0).sum(axis=1)
-        return found[np.argsort(-bits, kind="stable")[:HOPEFUL]]
-
-    def _markers_of(self, found: Real[Array, "m 5"], some: Array, rows: int | None) -> tuple[Array, Array, Array]:
-        """The marker (M, S) in each of `some` (S,) squares according to the layouts `found` (M, 5), whether such a
-        marker exists, and whether the square is on the board."""
-        u, v, columns, odd, first = (a[:, None] for a in found.T)
-        column, row = u + self.column[some], v + self.row[some]
-        on_board = (column >= 0) & (row >= 0) & (column < columns) & (row < (rows or np.inf))
-        marker = first + index_of(column, row, columns, odd.astype(bool))
-        return marker, on_board & (marker >= 0) & (marker < len(self.family)), on_board
-
-    def scored(self, found: Real[Array, "m 5"], rows: int | None = None) -> Iterator[_Layout]:
-        """The three likeliest of the layouts `found` (M, 5), see `_parts_of_boards`; `rows`: number of rows of the
-        board, if known."""
-        if not len(found):
-            return
-        marker, exists, on_board = self._markers_of(found, np.arange(len(self.row)), rows)
-        last = np.broadcast_to(self.row == self.shape[0] - 1, marker.shape)
-        gain = np.where(exists, self.gain[np.arange(len(self.row)), np.clip(marker, 0, len(self.family) - 1)], 0.0)
-        body, foot = (gain * ~last).sum(axis=1), (gain * last).sum(axis=1)
-        bits = np.where((on_board & ~exists & ~last).any(axis=1), -np.inf, body + np.maximum(foot, 0))
-        for k in np.argsort(-bits)[:3]:
-            used = exists[k] & (~last[k] | (foot[k] > 0))
-            if np.isfinite(bits[k]) and used.any() and self._agree_with(gain[k]):
-                u, v, columns, odd, first = found[k].tolist()
-                yield _Layout(
-                    float(bits[k]), self.appearance, self.family, columns, (u, v), bool(odd), first, self.turns,
-                    bool(foot[k] > 0), int(marker[k][used].max()),
-                    contradicted(self.most[exists[k]], gain[k][exists[k]], len(self.family)),
-                )  # fmt: skip
-
-    def _agree_with(self, gain: Real[Array, " k"]) -> bool:
-        """Whether most of the squares that are certain of their marker by themselves agree with a layout, whose
-        evidence in each is `gain` (K,).
-
-        Without this test a few markers that are consecutive by chance would outweigh the contradiction of all others.
-        """
-        certain = _certain(self.most, len(self.family))
-        return bool((certain & (gain <= 0)).sum() <= (certain & (gain > 0)).sum())
-
-    def _anchors(self) -> tuple[Array, Array]:
-        """The squares that are most certain of their marker, and the likeliest markers of each, as pairs (ANCHORS ·
-        CANDIDATES,)."""
-        surest = np.argsort(-self.most)[:ANCHORS]
-        least = min(CANDIDATES, self.gain.shape[1]) - 1
-        markers = np.argpartition(-self.gain[surest], least, axis=1)[:, : least + 1]
-        return np.repeat(surest, markers.shape[1]), markers.ravel()
-
-    def _parts_of_boards(self) -> Real[Array, "m 5"]:
-        """Hypotheses of layouts (M, 5): column and row of the first square, columns, parity, first marker."""
-        square, marker = self._anchors()
-        k, columns, odd = (
-            a.ravel()
-            for a in np.meshgrid(np.arange(len(square)), np.arange(2, MOST_COLUMNS + 1), [0, 1], indexing="ij")
-        )
-        column, row = place_of(marker[k], columns, odd.astype(bool))
-        u, v = column - self.column[square[k]], row - self.row[square[k]]
-        # the outermost squares that were sampled may lie beyond the board
-        fits = (u >= -1) & (v >= -1) & (u + self.shape[1] - 1 <= columns)
-        return np.stack([u, v, columns, odd, np.zeros_like(u)], axis=1)[fits]
-
-    def places_on(self, given: Charuco) -> Real[Array, "m 5"]:
-        """All layouts (M, 5) on the `given` board that have markers in the squares where some are seen."""
-        height, width = self.shape
-        odd = odd_markers(given)
-        most = given.rows or int(place_of(np.array(len(self.family)), np.array(given.columns), np.array(odd))[1]) + 1
-        # the outermost squares that were sampled may lie beyond the board
-        u, v = np.meshgrid(np.arange(-1, given.columns - width + 2), np.arange(-1, most - height + 2))
-        u, v = (a[(u + v + self.column[0] + self.row[0]) % 2 == odd] for a in (u, v))
-        known = (np.full(u.size, n) for n in (given.columns, odd, given.first_id))
-        return np.stack([u, v, *known], axis=1)
-
-    def _whole_boards(self) -> Real[Array, "m 5"]:
-        """Hypotheses of layouts (M, 5) of boards that are exactly the squares seen; the squares with markers determine
-        the parity."""
-        square, marker = self._anchors()
-        column, row = self.column[square], self.row[square]
-        columns, odd, zero = np.full_like(square, self.shape[1]), (column + row) % 2, np.zeros_like(square)
-        first = marker - index_of(column, row, columns, odd.astype(bool))
-        return np.stack([zero, zero, columns, odd, first], axis=1)[first > 0]
-
-
-def contradicted(most: Real[Array, " k"], gain: Real[Array, " k"], markers: int) -> bool:
-    """Whether too many squares are certain of another marker than a layout has in them: it is then one of parts that
-    don't belong together, such as those of a torn frame, and the numbers of some or all corners would be wrong.
-
-    `most`, `gain` (K,): evidence of the squares for the likeliest of so many `markers`, and for the layout's. Squares
-    that can't be read, behind a cover or under glare, don't contradict.
-    """
-    certain = _certain(most, markers)
-    return bool((certain & (gain <= 0)).sum() > AGAINST * (certain & (gain > 0)).sum())
-
-
-def _certain(most: Real[Array, " k"], markers: int) -> Bool[Array, " k"]:
-    return np.asarray(most > CERTAIN + np.log2(markers))
-
-
-def _unique(layouts: Array) -> Real[Array, "m 5"]:
-    """The distinct `layouts` (M, 5)."""
-    if not len(layouts):
-        return layouts
-    low = layouts.min(axis=0)
-    key = np.ravel_multi_index(tuple((layouts - low).T), tuple((np.ptp(layouts, axis=0) + 1).tolist()))
-    return np.asarray(layouts[np.unique(key, return_index=True)[1]])
