@@ -79,6 +79,8 @@ def test_a_moved_picture_belongs_to_the_name_that_it_is_nearest_to(tmp_path):
     assert found(["old/right/8.png"]) == ({"old/right/8.png": str(new / "left/8.png")}, set())
     assert found(["old/right/8.png"], ["old/left/8.png"]) == ({}, set())
     assert found(["a/9.png", "b/9.png"]) == ({}, set())
+    (new / "e\u0301te\u0301.png").touch()  # as some systems spell it
+    assert found(["old/\xe9t\xe9.png"]) == ({"old/\xe9t\xe9.png": str(new / "e\u0301te\u0301.png")}, set())
 
 
 def test_frames_of_a_moved_video_are_shown(tmp_path, monkeypatch):

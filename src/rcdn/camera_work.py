@@ -17,6 +17,7 @@ from rcdn.geometry.resample import Undistortion, rectification, undistortion
 from rcdn.geometry.undistort import ray_test
 from rcdn.types import Array, Camera, Pose, StereoCalibration
 
+Conversions = tuple[Undistortion, ...]
 KEPT = 256 << 20
 """bytes of maps that are kept, of the last cameras: two of 12 megapixels, thirty of 1280 × 720"""
 
@@ -62,22 +63,22 @@ def _number(balance: Any) -> float:
     return float(balance)
 
 
-_kept: tuple[tuple[object, float | str, Undistortion], ...] = ()
+_kept: tuple[tuple[object, float, Conversions], ...] = ()
 """the last conversions, the latest first; replaced as a whole, so that threads need no lock"""
 
 
 def _undistortion(camera: Camera, balance: float) -> Undistortion:
     """The conversion of a camera's pictures."""
-    return _conversion(camera, balance, lambda: undistortion(camera, balance))
+    return _conversions(camera, balance, lambda: (undistortion(camera, balance),))[0]
 
 
-def _conversion(owner: object, which: float | str, make: Callable[[], Undistortion]) -> Undistortion:
-    """The conversion `which` of its `owner`, made if it isn't kept. The last one is kept, and those before it within
-    KEPT bytes."""
+def _conversions(owner: object, balance: float, make: Callable[[], Conversions]) -> Conversions:
+    """The conversions of a camera or a pair, made if they aren't kept. The last ones are kept, and those before them
+    within KEPT bytes."""
     global _kept
-    made = next((made for of, at, made in _kept if of is owner and at == which), None)
+    made = next((made for of, at, made in _kept if of is owner and at == balance), None)
     made = make() if made is None else made
-    recent, left = [(owner, which, made)], KEPT - _bytes(made)
+    recent, left = [(owner, balance, made)], KEPT - _bytes(made)
     for of, at, other in _kept:
         left -= _bytes(other) * (other is not made)
         if other is not made and left >= 0:
@@ -86,8 +87,8 @@ def _conversion(owner: object, which: float | str, make: Callable[[], Undistorti
     return made
 
 
-def _bytes(made: Undistortion) -> int:
-    return made.map_x.nbytes + made.map_y.nbytes + made.empty.nbytes
+def _bytes(made: Conversions) -> int:
+    return sum(each.map_x.nbytes + each.map_y.nbytes + each.empty.nbytes for each in made)
 
 
 _CONVERTED = {"1": "L", "P": "RGB", "PA": "RGBA"}
@@ -113,16 +114,20 @@ def _pixels(image: Any) -> Array:
 
 def rectify(pair: StereoCalibration | io.StereoCameras, left: Any, right: Any) -> tuple[Array, Array]:
     """See `StereoCalibration.rectify`."""
-    cameras = io.StereoCameras.of(pair)
-    turns, size = cameras.turns, cameras.left.image_size
+    first, second = _conversions(pair, 0.0, lambda: _rectifications(io.StereoCameras.of(pair)))
+    return first(_pixels(left)), second(_pixels(right))
 
-    def first() -> Undistortion:
-        return rectification(cameras.left, turns.R_left, turns.P_left, size)
 
-    def second() -> Undistortion:
-        return rectification(cameras.right, turns.R_right, turns.P_right, size)
+def _rectifications(pair: io.StereoCameras) -> tuple[Undistortion, Undistortion]:
+    return rectification_of(pair, right=False), rectification_of(pair, right=True)
 
-    return _conversion(pair, "left", first)(_pixels(left)), _conversion(pair, "right", second)(_pixels(right))
+
+def rectification_of(pair: io.StereoCameras, right: bool) -> Undistortion:
+    """The conversion of the pictures of one of two cameras, the `right` one or the left one, to rectified ones."""
+    turns, size = pair.turns, pair.left.image_size
+    if right:
+        return rectification(pair.right, turns.R_right, turns.P_right, size)
+    return rectification(pair.left, turns.R_left, turns.P_left, size)
 
 
 def save(camera: Camera, path: str | Path, format: str | None) -> str:

@@ -174,8 +174,7 @@ class DetectorConfig:
 
     `pattern`: squares (`checker`) or triangles (`deltille`, docs/decisions/0013-deltille.md). For deltilles, the model
     `auto` is the network trained on them, corners are refined by their antisymmetry, there is no second fit, and codes
-    are not read, whether `sharpen` is None and `target` is `plain` or both have their defaults: all else that they and
-    `refine` can be raises ConfigError.
+    are not read: `refine`, `sharpen` (but None) and `target` (but `plain`) raise ConfigError unless they are defaults.
     `model`: name of weights in the package, or a path to an ONNX file with its JSON beside it.
     `rescue`: if the adaptive threshold finds nothing, the threshold becomes 0.41 of the largest response, provided that
     this response stands out from the map (over 0.15, and 20 times the 99th percentile); its corners are marked

@@ -8,13 +8,24 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from rcdn import camera_work
 from rcdn.cli import app
 from rcdn.errors import ImageError, RcdnError
 from rcdn.geometry import project, rotation, unproject
 from rcdn.geometry.rectification import rectifying
-from rcdn.io import Rectification, StereoCameras, read_pixels, read_stereo, write_image, write_stereo, write_stereo_maps
+from rcdn.geometry.resample import rectification
+from rcdn.io import (
+    Rectification,
+    StereoCameras,
+    read_pixels,
+    read_stereo,
+    write_image,
+    write_rig,
+    write_stereo,
+    write_stereo_maps,
+)
 from rcdn.io.marks import mark_of
-from rcdn.types import Calibration, Camera, StereoCalibration
+from rcdn.types import Calibration, Camera, Pose, Rig, StereoCalibration
 
 LEFT = Camera([[300.0, 0, 155], [0, 302, 124], [0, 0, 1]], [-0.2, 0.05, 0.001, -0.002], (320, 240))
 RIGHT = Camera([[150.0, 0, 82], [0, 150, 57], [0, 0, 1]], [0.02, -0.01, 0.003, 0], (160, 120), "fisheye")
@@ -140,6 +151,39 @@ def test_the_command_rectifies_the_pictures_of_each_camera(run):
     taken = [read_pixels(f"{side}/1.png") for side in ("left", "right")]
     for side, expected in zip(("left", "right"), pair().rectify(*taken), strict=True):
         assert np.array_equal(read_pixels(f"flat/{side}/1.png"), expected)
+
+
+@pytest.mark.parametrize("kind", ["ros", "mrcal", "toml", "json"])
+def test_the_command_takes_a_pair_in_two_files_and_a_rig_of_two(run, kind):
+    of = replace(pair(), right=LEFT)
+    poses = (Pose(np.eye(4)), Pose(of.T_right_left))
+    if kind in ("ros", "mrcal"):
+        name = {"ros": "camera_info.yaml", "mrcal": "pair.cameramodel"}[kind]
+        write_stereo(name, of, kind)
+    else:
+        name = f"rig.{kind}"
+        write_rig(name, Rig(("left", "right"), (of.left, of.right), poses))
+    result = run(name, "left", "--rectify", "--camera-name", "left", "--out", "flat")
+    assert (result.exit_code, result.stderr) == (0, "")
+    picture = read_pixels("left/1.png")
+    assert np.abs(read_pixels("flat/1.png") - of.rectify(picture, picture)[0].astype(float)).max() <= 1
+
+
+def test_the_command_says_how_many_cameras_a_rig_has(run):
+    poses = [Pose(np.eye(4) - 0.1 * k * np.eye(4, k=3)) for k in range(3)]
+    write_rig("rig.toml", Rig(("a", "b", "c"), (LEFT,) * 3, tuple(poses)))
+    result = run("rig.toml", "left", "--rectify", "--camera-name", "a", "--out", "flat")
+    assert (result.exit_code, "is of two cameras, and it holds 3: a, b, c" in result.stderr) == (1, True)
+
+
+def test_the_maps_of_a_pair_are_kept_together_however_large(monkeypatch):
+    monkeypatch.setattr(camera_work, "KEPT", 0)
+    made = []
+    monkeypatch.setattr(camera_work, "rectification", lambda *given: made.append(given) or rectification(*given))
+    of = pair()
+    for _ in range(3):
+        of.rectify(*pictures(of))
+    assert len(made) == 2
 
 
 def test_the_command_says_what_rectifying_needs(run):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -34,9 +35,9 @@ def known_cameras(files: Sequence[Path], names: Sequence[str]) -> dict[str, Came
 
     A file with one camera belongs to the input that its `camera_name` says, else to that with the file's name without
     ending (`NAME=FILE`: to NAME); the cameras of a file with several have the names given in it (`NAME=FILE#CAMERA`:
-    one of them, for NAME). If the only file has
-    as many cameras as there are inputs, and none of their names is an input's, they are assigned in order. Raises
-    ConfigError for names that don't match, or for a camera that is given twice; FormatError as `read_cameras`.
+    one of them, for NAME). If the only file has as many cameras as there are inputs, and none of their names is an
+    input's, they are assigned in order. Raises ConfigError for names that don't match, or for a camera that is given
+    twice; FormatError as `read_cameras`.
     """
     return _assigned(files, [_cameras(*_given(file), names) for file in files], names)
 
@@ -92,10 +93,10 @@ def camera_paths(files: Sequence[Path]) -> list[Path]:
 def _given(file: Path) -> tuple[str, Path, str]:
     """(NAME, FILE, CAMERA) of `NAME=FILE#CAMERA`, each "" where it isn't given; a `file` that exists is FILE itself."""
     name, sign, rest = str(file).partition("=")
-    if not sign or file.exists():
+    if not sign or os.path.exists(file):
         name, rest = "", str(file)
     path, sign, camera = rest.rpartition("#")
-    if not sign or Path(rest).exists():
+    if not sign or os.path.exists(rest):
         path, camera = rest, ""
     return name, Path(path), camera
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
+
+from rcdn.batch.spellings import composed
 
 
 def found_in(
@@ -22,8 +24,12 @@ def found_in(
     paths = {*lost, *others}
     files = _files(places, {_parts(path)[-1] for path in paths})
     nearest = {path: _nearest(path, files.get(_parts(path)[-1], ())) for path in paths}
-    single = {path: (fits[0], common) for path, (fits, common) in nearest.items() if len(fits) == 1}
-    found = {path: single[path][0] for path in lost if path in single and _is_nearest(path, single)}
+    rivals: dict[str, list[tuple[int, str]]] = {}
+    for path, (fits, common) in nearest.items():
+        if len(fits) == 1:
+            rivals.setdefault(fits[0], []).append((common, path))
+    owners = {_nearest_of(each): file for file, each in rivals.items()}
+    found = {path: owners[path] for path in lost if path in owners}
     return found, {path for path in lost if len(nearest[path][0]) > 1}
 
 
@@ -34,10 +40,11 @@ def _nearest(path: str, files: Collection[str]) -> tuple[list[str], int]:
     return [file for file, count in common.items() if count == most], most
 
 
-def _is_nearest(path: str, single: Mapping[str, tuple[str, int]]) -> bool:
-    """Whether no other path has as many parts in common with the file of this one."""
-    file, common = single[path]
-    return not any(other != path and at == file and count >= common for other, (at, count) in single.items())
+def _nearest_of(rivals: Sequence[tuple[int, str]]) -> str:
+    """The path with the most parts in common with a file, of `rivals` (parts, path); "" if several have as many."""
+    most = max(rivals)[0]
+    best = [path for common, path in rivals if common == most]
+    return best[0] if len(best) == 1 else ""
 
 
 def _common(path: str, file: str) -> int:
@@ -51,8 +58,9 @@ def _common(path: str, file: str) -> int:
 
 
 def _parts(path: str) -> list[str]:
-    """The parts of a path, which may come from a system that separates them by backslashes."""
-    return re.split(r"[/\\]+", path.rstrip("/\\"))
+    """The parts of a path, which may come from a system that separates them by backslashes, or spells accents in
+    another way."""
+    return re.split(r"[/\\]+", composed(path).rstrip("/\\"))
 
 
 def _files(places: Sequence[Path], names: Collection[str]) -> dict[str, list[str]]:
@@ -61,9 +69,11 @@ def _files(places: Sequence[Path], names: Collection[str]) -> dict[str, list[str
     for place in places:
         root = Path(os.path.realpath(place))
         for file in _all_files(root):
-            name, file = file.name, Path(os.path.realpath(file))
-            if name in names and file.is_relative_to(root) and str(file) not in found.get(name, ()):
-                found.setdefault(name, []).append(str(file))
+            if (name := composed(file.name)) not in names:
+                continue
+            real = Path(os.path.realpath(file))
+            if real.is_relative_to(root) and str(real) not in found.get(name, ()):
+                found.setdefault(name, []).append(str(real))
     return found
 
 

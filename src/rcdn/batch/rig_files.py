@@ -11,7 +11,7 @@ from rcdn.errors import ConfigError, FormatError
 from rcdn.terminal import console
 
 if TYPE_CHECKING:
-    from rcdn.io import CameraFormat
+    from rcdn.io import CameraFormat, StereoCameras
 
 
 def holds_rig(inputs: Sequence[Path], out: Path) -> bool:
@@ -46,6 +46,24 @@ def files_of_pair(inputs: Sequence[Path]) -> Sequence[Path]:
 
     files = siblings(inputs[0]) if len(inputs) == 1 else []
     return inputs if pair_of_files(files) is None else files
+
+
+def named_pair(path: Path) -> tuple[StereoCameras, Sequence[str]]:
+    """The two cameras of a file in any format that holds a pair or a rig of two, or of the name given to `rcdn
+    calibrate -o` that two files were written under; and their names. Raises FormatError if there are no two."""
+    from rcdn.io import StereoCameras, read_rig, read_stereo
+    from rcdn.io.cameras import camera_names
+    from rcdn.io.rig_files import pair_of_files
+
+    if pair := pair_of_files(files_of_pair([path])):
+        return pair, ("left", "right")
+    with suppress(FormatError):
+        return read_stereo(path), camera_names(path)
+    rig = read_rig(path)
+    if len(rig) != 2:
+        raise FormatError(f"{path}: a rectification is of two cameras, and it holds {len(rig)}: {', '.join(rig.names)}")
+    (left, right), (first, second) = rig.cameras, rig.names
+    return StereoCameras(left, right, rig.relative(first, second)[0]), rig.names
 
 
 def _of_one_rig(inputs: Sequence[Path]) -> bool:

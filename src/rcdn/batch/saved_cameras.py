@@ -19,7 +19,7 @@ def holds_detections(path: Path) -> bool:
     return head.startswith("# filename") or re.match(r'\{[^{\[]*"images"\s*:', head) is not None
 
 
-def a_file_a_camera(inputs: Sequence[str]) -> list[str]:
+def saved_in_folder(inputs: Sequence[str]) -> list[str]:
     """The files of saved detections in the only input, a folder in which there are neither folders nor videos; else
     the `inputs` themselves."""
     from rcdn.io import is_video

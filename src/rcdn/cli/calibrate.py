@@ -22,7 +22,7 @@ from rcdn.batch.known_cameras import KnownCameras, camera_paths
 from rcdn.batch.moment_file import MomentFile, Moments
 from rcdn.batch.pair_file import PairFile, Pairs
 from rcdn.batch.rig_runs import many_cameras
-from rcdn.batch.saved_cameras import a_file_a_camera
+from rcdn.batch.saved_cameras import saved_in_folder
 from rcdn.config import DetectorConfig
 from rcdn.errors import ConfigError
 from rcdn.terminal import console
@@ -153,7 +153,7 @@ def calibrate(
         raise ConfigError("--pairs is for two cameras; give it with --stereo")
     if pattern is PatternName.deltille and (board is not None or stereo or rig):
         raise ConfigError("--board and --stereo know boards of squares only; leave them out for a deltille")
-    inputs = a_file_a_camera(inputs) if rig else inputs
+    inputs = saved_in_folder(inputs) if rig else inputs
     outputs = Outputs(output or [], cast("CameraFormat | None", file_format), report, json, force, pictures or ())
     outputs.check([*inputs, *camera_paths(camera or ()), *(p for p in (pairs, moments) if p is not None)], rig, stereo)
     if not (rig or stereo):

@@ -11,7 +11,7 @@ import typer
 from rcdn.batch.cache import open_cache
 from rcdn.batch.paths import check_file
 from rcdn.batch.pose_outputs import tell_poses
-from rcdn.batch.saved_cameras import a_file_a_camera
+from rcdn.batch.saved_cameras import saved_in_folder
 from rcdn.config import DetectorConfig
 from rcdn.errors import ConfigError, present
 from rcdn.terminal import console
@@ -97,7 +97,7 @@ def pose(
         raise ConfigError("--board: a size has no meaning for a deltille; leave it out")
     if (camera is None) == (rig is None):
         raise ConfigError("name the camera (--camera FILE) or the rig (--rig FILE), one of them")
-    inputs = inputs if rig is None else a_file_a_camera(inputs)
+    inputs = inputs if rig is None else saved_in_folder(inputs)
     check_file("--json", json, [Path(i) for i in inputs])
     config = DetectorConfig.preset("auto", pattern=pattern.value, target=target.reads)
     if rig is not None and camera_name is not None:

@@ -182,15 +182,13 @@ def _undistortion(camera: Camera, balance: float, scale: float, crop: bool) -> U
 
 
 def _rectification(path: Path, camera_name: str | None) -> Undistortion:
-    from rcdn.geometry.resample import rectification
-    from rcdn.io import read_cameras, read_stereo
+    from rcdn.batch.rig_files import named_pair
+    from rcdn.camera_work import rectification_of
 
-    pair, names = read_stereo(path), list(read_cameras(path))
+    pair, names = named_pair(path)
     if camera_name not in names:
         raise ConfigError(f"--rectify: say which camera's pictures these are: --camera-name {' | '.join(names)}")
-    turns, right = pair.turns, camera_name == names[1]
-    R, P = (turns.R_right, turns.P_right) if right else (turns.R_left, turns.P_left)
-    return rectification(pair.right if right else pair.left, R, P, pair.left.image_size)
+    return rectification_of(pair, right=camera_name == names[1])
 
 
 def _undistort_all(run: _Run, paths: Sequence[Path], out: Path, make: Undistortion) -> None:

@@ -22,7 +22,7 @@ REFUSED = {
     "another kind": (lambda b: charuco(), "x", "1 board is ChArUco .* have no codes .* from one kind"),
     "a number": (lambda b: 3, "x", "must be a Board"),
 }
-TIMES = ["0", None, float("nan"), float("inf"), datetime.datetime(2026, 1, 1), True, np.array([1.0])]
+TIMES = ["0", None, float("nan"), float("inf"), 10**400, datetime.datetime(2026, 1, 1), True, np.array([1.0])]
 
 
 def charuco(seed=1):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping
 from typing import Any
 
@@ -15,9 +16,14 @@ from rcdn.types import Array, Board
 
 def seconds(time: Any) -> float:
     """`time` as a float. Raises ConfigError unless it is a finite number."""
-    if not isinstance(time, (int, float, np.integer, np.floating)) or isinstance(time, bool) or not np.isfinite(time):
+    number = isinstance(time, (int, float, np.integer, np.floating)) and not isinstance(time, bool)
+    try:
+        value = float(time) if number else math.nan
+    except OverflowError:  # of a whole number
+        value = math.nan
+    if not math.isfinite(value):
         raise ConfigError(f"time must be a finite number of seconds, such as time.monotonic(), not {shown(time)}")
-    return float(time)
+    return value
 
 
 def check_by_picture(values: Any, name: str) -> None:

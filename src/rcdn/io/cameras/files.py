@@ -135,8 +135,8 @@ def write_stereo(
 ) -> list[Path]:
     """Write two cameras and their relative pose; returns the files, those of `stereo_paths`.
 
-    The lens models may differ. Raises FormatError for COLMAP, whose cameras.txt can't hold a pose, for ROS without a
-    rectification, and as `write_camera`, naming the camera that the format can't hold.
+    The lens models may differ. Raises FormatError for COLMAP, whose cameras.txt can't hold a pose, and as
+    `write_camera`, naming the camera that the format can't hold.
     """
     kind = FORMATS[camera_format(path, format)]
     if kind.stereo_texts is None:

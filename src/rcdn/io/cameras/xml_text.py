@@ -10,6 +10,7 @@ from rcdn.io.cameras.yaml_text import Matrix
 
 ROOT = "opencv_storage"
 """name of the outermost element"""
+_MATRICES = {"opencv-matrix", "opencv-nd-matrix"}
 
 
 def is_xml(text: str) -> bool:
@@ -28,14 +29,14 @@ def load(path: str, text: str) -> dict[str, Any]:
         root = ElementTree.fromstring(text.lstrip("\ufeff \r\n").encode())
     except (ElementTree.ParseError, ValueError, LookupError) as error:
         raise FormatError(f"{path}: not XML ({error}); mend that line, or export the file again") from error
-    return {each.tag: _value(each) for each in root if not len(each) or each.get("type_id") == "opencv-matrix"}
+    return {each.tag: _value(each) for each in root if not len(each) or each.get("type_id") in _MATRICES}
 
 
 def _value(element: ElementTree.Element) -> Any:
     text = (element.text or "").strip()
     if len(element):
         fields = {part.tag: (part.text or "").split() for part in element}
-        return Matrix({k: v if k == "data" else " ".join(v) for k, v in fields.items()})
+        return Matrix({k: v if k in ("data", "sizes") else " ".join(v) for k, v in fields.items()})
     for number in (int, float):
         try:
             return number(text)

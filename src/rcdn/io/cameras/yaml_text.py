@@ -26,8 +26,8 @@ class Matrix(dict[str, Any]):
 
     def array(self, where: str) -> Array:
         try:
-            rows, cols = self._shape()
-            array = np.array(self["data"], dtype=float).reshape(int(rows), int(cols))
+            rows, cols = map(int, self._shape())
+            array = np.array(self["data"], dtype=float).reshape(max(rows, 0), max(cols, 0))
         except (KeyError, ValueError, TypeError, OverflowError) as error:
             lengths = "one number in sizes," if "sizes" in self else "rows, cols"
             raise FormatError(f"{where} must have {lengths} and as many numbers in data; export it again") from error
