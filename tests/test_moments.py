@@ -16,8 +16,11 @@ def numbered(pattern, *numbers):
 
 
 def row(pattern):
-    """Four cameras in a row with 20 pictures each, of which each shares five with the next one."""
-    return [numbered(pattern.replace("?", str(c)), *range(15 * c, 15 * c + 20)) for c in range(4)]
+    """Four cameras in a row with 20 pictures each, of which each shares five with the next one; some show no board."""
+    return [
+        numbered(pattern.replace("?", str(c)), *range(16 * c, 16 * c + 10), *range(16 * c + 11, 16 * c + 21))
+        for c in range(4)
+    ]
 
 
 OWN = [numbered("l/{:04d}.png", *range(20), *range(500, 512)), numbered("r/{:04d}.png", *range(100, 132))]
@@ -43,9 +46,17 @@ def test_cameras_with_pictures_of_their_own_and_some_of_the_same_names():
 def test_two_shared_names_of_many_are_chance():
     one, two = numbered("a/{:02d}.png", *range(20)), numbered("b/{:02d}.png", *range(18, 38))
     assert moments_of([one, two])[1] == "order"
-    assert moments_of([one, numbered("b/{:02d}.png", *range(17, 37))])[1] == "name"
+    assert moments_of([one, numbered("b/{:02d}.png", 17, 18, 19, *range(21, 38))])[1] == "name"
     with pytest.raises(ConfigError, match="20, 19"):
         moments_of([one, two[:-1]])
+
+
+@pytest.mark.parametrize("pattern", ["c?/DSC_{:04d}.png", "cam?_{:04d}.png"])
+def test_counters_without_a_gap_share_a_few_numbers_by_chance(pattern):
+    cameras = [numbered(pattern.replace("?", str(c)), *range(15 * c, 15 * c + 20)) for c in range(3)]
+    assert moments_of(cameras) == ([[str(k) for k in range(20)]] * 3, "order")
+    with pytest.raises(ConfigError, match="19, 20, 20"):
+        moments_of([cameras[0][:-1], *cameras[1:]])
 
 
 def test_numbers_that_count_nothing_tell_only_where_most_are_shared():

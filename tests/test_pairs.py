@@ -56,6 +56,19 @@ def test_a_few_pictures_of_both_among_many_of_one_camera(one, two):
     assert pair_names(left[:22], right[:22]).way == "order"  # two names in common are chance
 
 
+@pytest.mark.parametrize(("one", "two"), [("l/DSC_{:04d}", "r/DSC_{:04d}"), ("a_{:04d}", "b_{:04d}"), ("l_{}", "r_{}")])
+def test_a_few_equal_numbers_of_counters_without_a_gap_are_chance(one, two):
+    left, right = [one.format(k) for k in range(1, 21)], [two.format(k) for k in range(18, 38)]
+    assert pair_names(left, right) == Pairing(same(20), "order")
+    with pytest.raises(ConfigError, match="20 pictures of the left camera and 19 of the right one don't pair by name"):
+        pair_names(left, right[:-1])
+    without_one = [left[0], *left[2:]], [*right[:-2], right[-1]]
+    assert len(pair_names(left, without_one[1]).pairs) == 3  # pictures were chosen, so that numbers are of both
+    assert len(pair_names(*without_one).pairs) == 3
+    frames = [[f"v.avi#{k:06d}" for k in each] for each in (range(1, 21), range(18, 38))]
+    assert pair_names(*frames).pairs == [(17, 0), (18, 1), (19, 2)]
+
+
 def test_numbers_that_count_nothing_do_not_pair_a_few():
     left = ["dawn_7", "noon_8", "dusk_9", *(f"a_{k}" for k in range(10, 20))]
     right = ["red_7", "blue_8", "green_9", *(f"b_{k}" for k in range(20, 30))]

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rcdn.batch.pairs import distinct_keys, one_counter, stems, trailing_numbers
+from rcdn.batch.pairs import a_few_tell, distinct_keys, stems, trailing_numbers
 from rcdn.batch.time_stamps import FEWEST, by_time
 from rcdn.errors import ConfigError, many
 
@@ -56,9 +56,9 @@ def moments_of(pictures: Sequence[Sequence[str]], way_out: str = "") -> tuple[li
 
     By time stamps in the names that differ by little (`by_time`), else by the file names, else by the last number in
     them, provided that most moments are then shared by several cameras. Else by name or number if every camera then
-    shares FEWEST moments or more with others (numbers: only if each camera counts its pictures), since cameras may have
-    pictures of their own; else by order, if all cameras have equally many pictures. Raises ConfigError if none of these
-    rules applies; `way_out`: what else than other names helps.
+    shares FEWEST moments or more with others that `a_few_tell`, since cameras may have pictures of their own; else by
+    order, if all cameras have equally many pictures. Raises ConfigError if none of these rules applies; `way_out`: what
+    else than other names helps.
     """
     if (timed := by_time([stems(names) for names in pictures])) is not None:
         return timed.keys, f"time, at most {timed.apart} apart"
@@ -69,7 +69,7 @@ def moments_of(pictures: Sequence[Sequence[str]], way_out: str = "") -> tuple[li
         if _each_shares(keys, 1) and _most_shared(keys):
             return keys, way
     for way, keys in found:
-        if _each_shares(keys, FEWEST) and (way == "name" or all(map(one_counter, pictures))):
+        if _each_shares(keys, FEWEST) and a_few_tell(way, keys, pictures):
             return keys, way
     if len({len(names) for names in pictures}) == 1:
         return [[str(k) for k in range(len(names))] for names in pictures], "order"

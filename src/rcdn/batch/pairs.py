@@ -17,6 +17,7 @@ SIDES = (("left", "right"), ("cam0", "cam1"), ("l", "r"), ("0", "1"), ("1", "2")
 """words in file names that denote the left and the right camera"""
 SHOWN = 3
 """the largest number of names listed in a sentence"""
+LAST_NUMBER = re.compile(r"\d+(?=\D*$)")
 
 
 @dataclass(frozen=True)
@@ -34,17 +35,18 @@ def pair_names(left: Sequence[str], right: Sequence[str]) -> Pairing:
     By time stamps in the names that differ by little (`by_time`), else by the file names without the word that denotes
     the camera (a/01.png and b/01.png, left_01 and right_01), else by the last number in the names, provided that most
     pictures of the camera with fewer then have a partner. Else by name or number if that gives FEWEST pairs or more
-    (numbers: only if each camera counts its pictures), else by order if both have equally many. Frames of two
-    videos are paired by frame number. Raises ConfigError if none of these rules applies.
+    that `a_few_tell`, else by order if both have equally many. Frames of two videos are paired by frame number. Raises
+    ConfigError if none of these rules applies.
     """
     if (timed := by_time([stems(left), stems(right)])) is not None:
         return Pairing(_with_partner(*timed.keys), f"time, at most {timed.apart} apart")
-    found = list(_pairings(left, right))
+    keys = list(_keys(left, right))
+    found = [Pairing(_with_partner(one, two), way) for way, one, two in keys]
     for each in found:
         if 2 * len(each.pairs) > min(len(left), len(right)):
             return each
-    for each in found:
-        if len(each.pairs) >= FEWEST and (each.way == "name" or (one_counter(left) and one_counter(right))):
+    for each, (way, *of_both) in zip(found, keys, strict=True):
+        if len(each.pairs) >= FEWEST and a_few_tell(way, of_both, (left, right)):
             return each
     if len(left) == len(right):
         return Pairing([(k, k) for k in range(len(left))], "order")
@@ -55,15 +57,15 @@ def pair_names(left: Sequence[str], right: Sequence[str]) -> Pairing:
     )
 
 
-def _pairings(left: Sequence[str], right: Sequence[str]) -> Iterator[Pairing]:
-    """The pictures with a partner by each rule under which the pictures of both cameras differ."""
+def _keys(left: Sequence[str], right: Sequence[str]) -> Iterator[tuple[str, list[str], list[str]]]:
+    """Each rule under which the pictures of both cameras differ, and their keys by it."""
     by_words = [("name", _without(one), _without(other)) for one, other in SIDES]
     for way, of_left, of_right in (
         ("name", stems, stems), *by_words, ("number", trailing_numbers, trailing_numbers)
     ):  # fmt: skip
         one, two = of_left(left), of_right(right)
         if distinct_keys(one) and distinct_keys(two):
-            yield Pairing(_with_partner(one, two), way)
+            yield way, one, two
 
 
 def _with_partner(left: Sequence[str], right: Sequence[str]) -> list[tuple[int, int]]:
@@ -145,7 +147,22 @@ def trailing_numbers(names: Sequence[str]) -> list[str]:
 
 def one_counter(names: Sequence[str]) -> bool:
     """Whether the names differ in their last number only, which then counts the pictures of this camera."""
-    return len({re.sub(r"\d+(?=\D*$)", "", _stem(n)) for n in names}) == 1
+    return len({LAST_NUMBER.sub("", _stem(n)) for n in names}) == 1
+
+
+def a_few_tell(way: str, keys: Sequence[Sequence[str]], pictures: Sequence[Sequence[str]]) -> bool:
+    """Whether a few equal keys of cameras say what belongs together: names, and numbers if each camera counts its
+    pictures; but not if all count theirs without a gap, since each may have a counter of its own."""
+    return (way == "name" or all(map(one_counter, pictures))) and not all(map(_without_a_gap, keys))
+
+
+def _without_a_gap(keys: Sequence[str]) -> bool:
+    """Whether the keys differ in their last number only, which takes all values from the least to the largest; False
+    for frames of a video, whose numbers are its own."""
+    if keys[0].startswith("#") or len({LAST_NUMBER.sub("", key) for key in keys}) > 1:
+        return False
+    numbers = [int(found[0]) for found in map(LAST_NUMBER.search, keys) if found]
+    return len(numbers) == len(keys) == len({*numbers}) == max(numbers) - min(numbers) + 1
 
 
 def distinct_keys(keys: Sequence[str]) -> bool:
