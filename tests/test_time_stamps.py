@@ -108,3 +108,57 @@ def test_cameras_with_times_of_their_own():
     one = [form(t, 0) for t in (*range(20), *range(100, 105))]
     two = [form(t + 0.001, 0) for t in (*range(50, 70), *range(100, 105))]
     assert pair_names(one, two).pairs == [(k, k) for k in range(20, 25)]
+
+
+def own_clocks(form, step=0.1, late=(0.0, 0.3009), frames=20):
+    """Names of cameras that took the same frames, each stamped by a clock of its own that is `late` by some s."""
+    return [[f"cam{c}/{form(k * step + by, k)}.png" for k in range(frames)] for c, by in enumerate(late)]
+
+
+@pytest.mark.parametrize(
+    ("form", "way"),
+    [
+        (lambda t, k: f"{round((START + t) * 1e9)}_{k:04d}", "number"),
+        (lambda t, k: f"{k:06d}_{50_000_000 + round(t * 1e6)}", "order"),
+        (lambda t, k: f"{round((START + t) * 1e9)}", "order"),
+    ],
+)
+def test_clocks_that_are_whole_frames_apart_pair_nothing(form, way):
+    names = own_clocks(form)
+    found = pair_names(*names)
+    assert (found.pairs, found.way) == ([(k, k) for k in range(20)], way)
+    keys, rule = moments_of(names)
+    assert (keys[0], rule) == (keys[1], way)
+    keys, rule = moments_of(own_clocks(form, late=(0.0, 0.0002, 0.3009)))
+    assert (keys[0], keys[1], rule) == (keys[2], keys[2], way)
+
+
+def test_clocks_of_cameras_that_take_a_picture_every_few_seconds():
+    """Names of equal seconds, one picture apart, are as little evidence."""
+    names = own_clocks(day("IMG_%Y%m%d_%H%M%S"), step=5, late=(0, 6))
+    assert pair_names(*names).way == moments_of(names)[1] == "order"
+    names = own_clocks(day("IMG_%Y%m%d_%H%M%S"), step=5, late=(0, 1))
+    assert pair_names(*names).way == moments_of(names)[1] == "time, at most 1 s apart"
+
+
+def test_numbers_that_agree_come_before_stamps():
+    """Of a rig whose trigger counts, some frames were lost; a clock is three frames late."""
+    form = FORMS["ns"]
+    one, two = (
+        [f"{form(0.1 * (k + late), k)}_{k:04d}" for k in range(20) if k not in lost]
+        for late, lost in ((0, {4, 9}), (3.009, {12}))
+    )
+    found = pair_names(one, two)
+    assert found.way == "number"
+    assert [(one[a][-4:], two[b][-4:]) for a, b in found.pairs] == [
+        (f"{k:04d}", f"{k:04d}") for k in range(20) if k not in {4, 9, 12}
+    ]
+    assert moments_of([one, two])[1] == "number"
+
+
+def test_stamps_add_to_the_names_that_are_equal():
+    one = [day("%Y%m%d_%H%M%S")(t, 0) for t in range(0, 60, 6)]
+    two = [day("%Y%m%d_%H%M%S")(t + (t == 18), 0) for t in range(0, 60, 6)]
+    assert pair_names(one, two).pairs == [(k, k) for k in range(10)]
+    keys, way = moments_of([one, two])
+    assert (keys[0], way) == (keys[1], "time, at most 1 s apart")

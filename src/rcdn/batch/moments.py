@@ -1,5 +1,5 @@
-"""Grouping the pictures of several cameras that were taken at the same moment: by time stamps that differ, else by
-name, else by number, else by order."""
+"""Grouping the pictures of several cameras that were taken at the same moment: by name, else by number, else by
+time stamps that differ, else by order."""
 
 from __future__ import annotations
 
@@ -54,20 +54,21 @@ def moments_of(pictures: Sequence[Sequence[str]], way_out: str = "") -> tuple[li
     """For each camera the moments of its pictures, and the rule that determined them: name, number, order, or time with
     how far the stamps of one moment are apart.
 
-    By time stamps in the names that differ by little (`by_time`), else by the file names, else by the last number in
-    them, provided that most moments are then shared by several cameras. Else by name or number if every camera then
-    shares FEWEST moments or more with others that `a_few_tell`, since cameras may have pictures of their own; else by
-    order, if all cameras have equally many pictures. Raises ConfigError if none of these rules applies; `way_out`: what
-    else than other names helps.
+    By the file names, else by the last number in them, provided that most moments are then shared by several cameras.
+    Else, or if that joins more pictures and all that belong together by these, by time stamps in the names that differ
+    by little (`by_time`). Else by name or number if every camera then shares FEWEST moments or more with others that
+    `a_few_tell`, since cameras may have pictures of their own; else by order, if all cameras have equally many
+    pictures. Raises ConfigError if none of these rules applies; `way_out`: what else than other names helps.
     """
-    if (timed := by_time([stems(names) for names in pictures])) is not None:
-        return timed.keys, f"time, at most {timed.apart} apart"
     ways: list[tuple[str, Callable[[Sequence[str]], list[str]]]] = [("name", stems), ("number", trailing_numbers)]
     found = [(way, [keys_of(names) for names in pictures]) for way, keys_of in ways]
     found = [(way, keys) for way, keys in found if all(map(distinct_keys, keys))]
-    for way, keys in found:
-        if _each_shares(keys, 1) and _most_shared(keys):
-            return keys, way
+    most = next(((keys, way) for way, keys in found if _each_shares(keys, 1) and _most_shared(keys)), None)
+    timed = by_time([stems(names) for names in pictures])
+    if timed is not None and (most is None or _joins_more(timed.keys, most[0])):
+        return timed.keys, f"time, at most {timed.apart} apart"
+    if most is not None:
+        return most
     for way, keys in found:
         if _each_shares(keys, FEWEST) and a_few_tell(way, keys, pictures):
             return keys, way
@@ -96,6 +97,15 @@ def moments_note(keys: Sequence[Sequence[str]], way: str, way_out: str = "") -> 
         f"note: pictures belong together by {way}: {many(shared, 'moment')} of several cameras, "
         f"{alone} of one camera only{way_out}"
     )
+
+
+def _joins_more(these: Sequence[Sequence[str]], others: Sequence[Sequence[str]]) -> bool:
+    """Whether pictures that belong together by the `others` do so by `these`, and more pictures do."""
+    joined = dict[str, set[str]]()
+    for camera, of_camera in zip(these, others, strict=True):
+        for this, other in zip(camera, of_camera, strict=True):
+            joined.setdefault(other, set()).add(this)
+    return all(len(each) == 1 for each in joined.values()) and len(set().union(*joined.values())) < len(joined)
 
 
 def _each_shares(keys: Sequence[Sequence[str]], fewest: int) -> bool:

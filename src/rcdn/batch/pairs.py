@@ -1,5 +1,5 @@
-"""Pairing the pictures of two cameras that were taken at the same moment: by time stamps that differ, else by name,
-else by number, else by order."""
+"""Pairing the pictures of two cameras that were taken at the same moment: by name, else by number, else by time stamps
+that differ, else by order."""
 
 from __future__ import annotations
 
@@ -32,19 +32,20 @@ class Pairing:
 def pair_names(left: Sequence[str], right: Sequence[str]) -> Pairing:
     """Pair the pictures of the left camera with those of the right one.
 
-    By time stamps in the names that differ by little (`by_time`), else by the file names without the word that denotes
-    the camera (a/01.png and b/01.png, left_01 and right_01), else by the last number in the names, provided that most
-    pictures of the camera with fewer then have a partner. Else by name or number if that gives FEWEST pairs or more
-    that `a_few_tell`, else by order if both have equally many. Frames of two videos are paired by frame number. Raises
-    ConfigError if none of these rules applies.
+    By the file names without the word that denotes the camera (a/01.png and b/01.png, left_01 and right_01), else by
+    the last number in the names, provided that most pictures of the camera with fewer then have a partner. Else, or if
+    that adds pairs to them, by time stamps in the names that differ by little (`by_time`). Else by name or number if
+    that gives FEWEST pairs or more that `a_few_tell`, else by order if both have equally many. Frames of two videos are
+    paired by frame number. Raises ConfigError if none of these rules applies.
     """
-    if (timed := by_time([stems(left), stems(right)])) is not None:
-        return Pairing(_with_partner(*timed.keys), f"time, at most {timed.apart} apart")
     keys = list(_keys(left, right))
     found = [Pairing(_with_partner(one, two), way) for way, one, two in keys]
-    for each in found:
-        if 2 * len(each.pairs) > min(len(left), len(right)):
-            return each
+    most = next((each for each in found if 2 * len(each.pairs) > min(len(left), len(right))), None)
+    timed = _by_time(left, right)
+    if most is not None:
+        return timed if timed is not None and {*most.pairs} < {*timed.pairs} else most
+    if timed is not None:
+        return timed
     for each, (way, *of_both) in zip(found, keys, strict=True):
         if len(each.pairs) >= FEWEST and a_few_tell(way, of_both, (left, right)):
             return each
@@ -55,6 +56,13 @@ def pair_names(left: Sequence[str], right: Sequence[str]) -> Pairing:
         "b/01.png, or left_01.png and right_01.png); give names that do, or as many of each in the same order, "
         f"or {_way_out(left, right)}"
     )
+
+
+def _by_time(left: Sequence[str], right: Sequence[str]) -> Pairing | None:
+    timed = by_time([stems(left), stems(right)])
+    if timed is None:
+        return None
+    return Pairing(_with_partner(*timed.keys), f"time, at most {timed.apart} apart")
 
 
 def _keys(left: Sequence[str], right: Sequence[str]) -> Iterator[tuple[str, list[str], list[str]]]:

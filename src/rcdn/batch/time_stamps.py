@@ -7,7 +7,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from itertools import pairwise
+from itertools import combinations, pairwise
 from math import gcd
 from statistics import median
 
@@ -44,7 +44,8 @@ def by_time(stems: Sequence[Sequence[str]]) -> Timed | None:
 
     None unless all names hold stamps, of one kind, and all cameras are connected by pairs that share FEWEST moments or
     more (all, if one has fewer), most of those of the time in which both took pictures. None, too, if all stamps of a
-    moment are equal: names or numbers are equal then.
+    moment are equal: names or numbers are equal then; and if cameras with equally many pictures are apart by a constant
+    number of them, as where the clock of each began at a time of its own.
     """
     for read in (_calendar, _seconds, _since_1970, _whole):
         times = [[read(stem) for stem in each] for each in stems]
@@ -110,10 +111,19 @@ def _moments(times: Sequence[Sequence[int]], in_ns: bool) -> Timed | None:
             groups.append([(t, c)])
     first = {sight: group[0][0] for group in groups for sight in group}
     keys = [[str(first[t, c]) for t in each] for c, each in enumerate(times)]
-    if not _connected(times, keys, bound):
+    if not _connected(times, keys, bound) or _constant_lag(keys):
         return None
     apart = max(group[-1][0] - group[0][0] for group in groups)
     return Timed(keys, _duration(apart) if in_ns else f"{100 * apart / min(steps):.2g} % of the time between pictures")
+
+
+def _constant_lag(keys: Sequence[Sequence[str]]) -> bool:
+    """Whether cameras have equally many pictures and share moments as in their order, but for constant lags."""
+    if len({len(each) for each in keys}) > 1:
+        return False
+    at = [{key: k for k, key in enumerate(each)} for each in keys]
+    lags = [{b[key] - k for key, k in a.items() if key in b} for a, b in combinations(at, 2)]
+    return all(len(each) <= 1 for each in lags) and any(each - {0} for each in lags)
 
 
 def _connected(times: Sequence[Sequence[int]], keys: Sequence[Sequence[str]], bound: float) -> bool:
