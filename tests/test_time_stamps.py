@@ -162,3 +162,17 @@ def test_stamps_add_to_the_names_that_are_equal():
     assert pair_names(one, two).pairs == [(k, k) for k in range(10)]
     keys, way = moments_of([one, two])
     assert (keys[0], way) == (keys[1], "time, at most 1 s apart")
+
+
+def test_equal_stamps_stay_together_and_the_nearest_do():
+    stamp = day("%Y%m%d_%H%M%S")
+    one = [stamp(t, 0) for t in (0, 10, 20, 30, 40, 51)]
+    two = [stamp(t, 0) for t in (0, 10, 19, 20, 30, 40, 50)]
+    timed = by_time([one, two])
+    shared = [(a, timed.keys[1].index(key)) for a, key in enumerate(timed.keys[0]) if key in timed.keys[1]]
+    assert shared == [(0, 0), (1, 1), (2, 3), (3, 4), (4, 5), (5, 6)]
+    assert pair_names(one, two).pairs == shared
+    assert by_time([one[:-1], two]) is None  # all are equal
+    form = FORMS["ns"]
+    two = [form(t, 0) for t in (0.0001, 0.0999, 0.1998, 0.20001, 0.3, 0.4)]
+    assert pair_names([form(k / 10, 0) for k in range(5)], two).pairs == [(0, 0), (1, 1), (2, 3), (3, 4), (4, 5)]

@@ -91,8 +91,8 @@ def _whole(stem: str) -> int | None:
 
 
 def _moments(times: Sequence[Sequence[int]], in_ns: bool) -> Timed | None:
-    """The moments of pictures at these times, grouped in their order: with every camera at most once, stamps that
-    follow each other closely, and all within NEAR."""
+    """The moments of pictures at these times: with every camera at most once, stamps that follow each other closely,
+    and all within NEAR."""
     steps = [median(b - a for a, b in pairwise(sorted(each))) for each in times if len(each) > 1]
     if not steps:
         return None
@@ -102,19 +102,28 @@ def _moments(times: Sequence[Sequence[int]], in_ns: bool) -> Timed | None:
     if not any(gaps):
         return None
     follows = min(bound, max(TYPICAL * median(gaps), gcd(*(t for t, _ in sights))))
-    groups: list[list[tuple[int, int]]] = []
-    for t, c in sights:
-        last = groups[-1] if groups else []
-        if last and t - last[-1][0] <= follows and t - last[0][0] <= bound and c not in (other for _, other in last):
-            last.append((t, c))
-        else:
-            groups.append([(t, c)])
+    groups = _grouped(sights, follows, bound)
     first = {sight: group[0][0] for group in groups for sight in group}
     keys = [[str(first[t, c]) for t in each] for c, each in enumerate(times)]
-    if not _connected(times, keys, bound) or _constant_lag(keys):
-        return None
     apart = max(group[-1][0] - group[0][0] for group in groups)
+    if not apart or not _connected(times, keys, bound) or _constant_lag(keys):
+        return None
     return Timed(keys, _duration(apart) if in_ns else f"{100 * apart / min(steps):.2g} % of the time between pictures")
+
+
+def _grouped(sights: Sequence[tuple[int, int]], follows: float, bound: float) -> list[list[tuple[int, int]]]:
+    """Groups of sights (time, camera), which are in the order of time, without two of one camera: equal times are
+    joined first, then those that are next to each other, the nearest first, up to `follows` apart and all within
+    `bound`."""
+    group_of = [[sight] for sight in sights]
+    for k in sorted(range(len(sights) - 1), key=lambda k: sights[k + 1][0] - sights[k][0]):
+        if sights[k + 1][0] - sights[k][0] > follows:
+            break
+        joined = group_of[k] + group_of[k + 1]
+        if joined[-1][0] - joined[0][0] <= bound and len({c for _, c in joined}) == len(joined):
+            start = k + 1 - len(group_of[k])
+            group_of[start : start + len(joined)] = [joined] * len(joined)
+    return [group for k, group in enumerate(group_of) if not k or group is not group_of[k - 1]]
 
 
 def _constant_lag(keys: Sequence[Sequence[str]]) -> bool:
