@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 from unicodedata import normalize
 
 import pytest
 from typer.testing import CliRunner
 
 from rcdn.batch.moment_file import MomentFile
+from rcdn.batch.rig_runs import _moments
 from rcdn.cli import app
 from rcdn.errors import ConfigError
 
@@ -19,7 +21,7 @@ CAMERAS = {
 }
 
 
-def match(tmp_path, text, cameras=CAMERAS, unread=()):
+def match(tmp_path, text, cameras=CAMERAS, unread=None):
     file = tmp_path / "moments.txt"
     file.write_text(text)
     return MomentFile.read(file).match(cameras, unread)
@@ -47,8 +49,28 @@ def test_moments_are_counted_by_lines(tmp_path):
 
 
 def test_accents_and_pictures_that_were_not_read(tmp_path):
-    got = match(tmp_path, normalize("NFD", "été 1 broken.png"), unread=["/data/c/broken.png"])
+    got = match(tmp_path, normalize("NFD", "été 1 broken.png"), unread={"c": ["/data/c/broken.png"]})
     assert got[0][2] == got[1][0] == "1"
+
+
+def test_a_picture_of_one_camera_that_was_not_read_leaves_the_others_in_their_moment(tmp_path):
+    cameras = {"a": ["a/06.png"], "b": ["b/06.png", "b/07.png"], "c": ["c/06.png", "c/07.png"]}
+    got = match(tmp_path, "06 06 06\n07 07 07\n", cameras, {"a": ["a/07.png"]})
+    assert got == [["1"], ["1", "2"], ["1", "2"]]
+    with pytest.raises(ConfigError, match="line 2: no picture of b is called 08"):
+        match(tmp_path, "06 06 06\n08 08 07\n", cameras, {"a": ["a/08.png"]})
+
+
+def test_pictures_of_a_moment_belong_together_where_one_is_not_read(tmp_path, monkeypatch):
+    """The run of a rig says of which camera each failure is."""
+    monkeypatch.chdir(tmp_path)
+    Path("moments.txt").write_text("07 07\n08 08\n")
+    picture, lost = SimpleNamespace, SimpleNamespace(name="a/07.png")
+    found = {
+        "a": SimpleNamespace(images=[picture(path="a/08.png")], failures=[lost]),
+        "b": SimpleNamespace(images=[picture(path="b/07.png"), picture(path="b/08.png")], failures=[]),
+    }
+    assert _moments(found, MomentFile.read(Path("moments.txt"))) == [["2"], ["1", "2"]]
 
 
 def test_every_bad_line_of_moments_is_named(tmp_path):

@@ -125,7 +125,7 @@ LEFT, RIGHT = (
 )
 
 
-def match(tmp_path, text, left=LEFT, right=RIGHT, unread=()):
+def match(tmp_path, text, left=LEFT, right=RIGHT, unread=((), ())):
     file = tmp_path / "pairs.txt"
     file.write_text(text)
     return PairFile.read(file).match(left, right, unread)
@@ -189,4 +189,11 @@ def test_lines_without_two_names(tmp_path):
 
 
 def test_pictures_that_could_not_be_read_are_passed_over(tmp_path):
-    assert match(tmp_path, "dawn blue\nbroken.png red.png", unread=["/data/l/broken.png"]) == [(0, 1)]
+    assert match(tmp_path, "dawn blue\nbroken.png red.png", unread=(["/data/l/broken.png"], [])) == [(0, 1)]
+
+
+def test_a_picture_that_could_not_be_read_is_of_its_own_camera(tmp_path):
+    left, right = ["a/07.png", "a/09.png"], ["b/08.png", "b/09.png"]
+    assert match(tmp_path, "07 08\n09 09\n", left, right, unread=([], ["b/07.png"])) == [(0, 0), (1, 1)]
+    with pytest.raises(ConfigError, match="line 1: no picture of the left camera is called 05"):
+        match(tmp_path, "05 08\n", left, right, unread=([], ["b/05.png"]))

@@ -241,7 +241,7 @@ def _paired(left: Gathered, right: Gathered, pair_file: PairFile | None) -> list
 
     one, two = ([image.path for image in side.images] for side in (left, right))
     if pair_file is not None:
-        return pair_file.match(one, two, [f.name for side in (left, right) for f in side.failures])
+        return pair_file.match(one, two, ([f.name for f in left.failures], [f.name for f in right.failures]))
     found = pair_names(one, two)
     if hint := pairing_hint(one, two, found):
         console.note(one_line(hint))

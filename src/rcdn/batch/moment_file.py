@@ -42,15 +42,19 @@ class MomentFile:
             raise _none(path)
         return cls(path, lines)
 
-    def match(self, pictures: Mapping[str, Sequence[str]], unread: Sequence[str] = ()) -> list[list[str]]:
+    def match(
+        self, pictures: Mapping[str, Sequence[str]], unread: Mapping[str, Sequence[str]] | None = None
+    ) -> list[list[str]]:
         """For each camera the moments of its `pictures`: the number of the line that names one, else a number of its
         own, since it may still tell about the lens.
 
         Fields are in the order of the cameras, unless the first line names these in another one. Names match as those
-        of `PairFile` do; pictures that are `unread` (already reported) are skipped. Raises ConfigError that lists every
-        line with another number of fields, with an unknown or ambiguous name, or with a picture of another line.
+        of `PairFile` do; a camera's pictures that are `unread` (already reported) are skipped. Raises ConfigError that
+        lists every line with another number of fields, with an unknown or ambiguous name, or with a picture of another
+        line.
         """
         order, lines = self._header(list(pictures))
+        unread = unread or {}
         found: dict[str, dict[int, int]] = {camera: {} for camera in order}
         bad = []
         for number, names in lines:
@@ -59,7 +63,7 @@ class MomentFile:
                 continue
             faults = []
             for camera, name in zip(order, names, strict=True):
-                if name in NONE or matching(name, unread, self.path.parent):
+                if name in NONE or matching(name, unread.get(camera, ()), self.path.parent):
                     continue
                 at, fault = self._find(name, camera, pictures[camera])
                 if at in found[camera]:

@@ -69,20 +69,22 @@ class PairFile:
             )
         return cls(path, tuple(lines))
 
-    def match(self, left: Sequence[str], right: Sequence[str], unread: Sequence[str] = ()) -> list[tuple[int, int]]:
+    def match(
+        self, left: Sequence[str], right: Sequence[str], unread: tuple[Sequence[str], Sequence[str]] = ((), ())
+    ) -> list[tuple[int, int]]:
         """(index in `left`, index in `right`) of the pictures named by the lines, in the order of `left`.
 
         A name matches a picture if it is its path, or the last parts of it, with or without the file's ending; names
-        may also be relative to the folder of this file. A line with a picture that is `unread` (already reported) is
-        skipped. Raises ConfigError that lists every line with an unknown name, with a name that matches several
-        pictures, or with a picture of another line.
+        may also be relative to the folder of this file. A line with a picture of the left or right camera that is
+        `unread` (already reported) is skipped. Raises ConfigError that lists every line with an unknown name, with a
+        name that matches several pictures, or with a picture of another line.
         """
         sides, folder = (list(left), list(right)), self.path.parent
         taken: tuple[dict[int, int], dict[int, int]] = ({}, {})
         pairs, bad = [], []
         for line in self.lines:
             names = (line.left, line.right)
-            if any(matching(name, unread, folder) for name in names):
+            if any(matching(name, lost, folder) for name, lost in zip(names, unread, strict=True)):
                 continue
             found = [_find(name, side, sides, folder) for side, name in enumerate(names)]
             faults = [fault for _, fault in found if fault]

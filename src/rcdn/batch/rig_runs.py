@@ -106,7 +106,7 @@ def _moments(found: Mapping[str, Gathered], file: MomentFile | None) -> list[lis
     where names are ambiguous."""
     pictures = {name: [image.path for image in got.images] for name, got in found.items()}
     if file is not None:
-        return file.match(pictures, [failed.name for got in found.values() for failed in got.failures])
+        return file.match(pictures, {name: [failed.name for failed in got.failures] for name, got in found.items()})
     if all(got.one_video for got in found.values()):
         return [stems(names) for names in pictures.values()]
     keys, way = moments_of([*pictures.values()], WAY_OUT)
