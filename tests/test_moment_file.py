@@ -114,3 +114,13 @@ def test_moments_are_for_pictures_of_a_rig(tmp_path, monkeypatch):
     result = calibrate("a", "b", "--rig", "--moments", "m.txt", "--json", "m.txt")
     assert result.exit_code == 2
     assert "would overwrite an input" in result.stderr
+
+
+def test_a_line_of_moments_that_is_too_long(tmp_path):
+    file = tmp_path / "long.txt"
+    file.write_text(f"dawn 1\n{'x' * 200_000} 2\n# {'x' * 90_000}\n{'y ' * 60_000}\n")
+    with pytest.raises(ConfigError) as error:
+        MomentFile.read(file)
+    message = str(error.value)
+    assert "line 2: has more than 100000 characters; write one line for each pair or moment; line 4: has" in message
+    assert len(message) < 1000

@@ -197,3 +197,13 @@ def test_a_picture_that_could_not_be_read_is_of_its_own_camera(tmp_path):
     assert match(tmp_path, "07 08\n09 09\n", left, right, unread=([], ["b/07.png"])) == [(0, 0), (1, 1)]
     with pytest.raises(ConfigError, match="line 1: no picture of the left camera is called 05"):
         match(tmp_path, "05 08\n", left, right, unread=([], ["b/05.png"]))
+
+
+def test_a_line_of_pairs_that_is_too_long(tmp_path):
+    file = tmp_path / "long.txt"
+    file.write_text(f"dawn 1\n{'x' * 200_000} 2\n# {'x' * 90_000}\n{'y ' * 60_000}\n")
+    with pytest.raises(ConfigError) as error:
+        PairFile.read(file)
+    message = str(error.value)
+    assert "line 2: has more than 100000 characters; write one line for each pair or moment; line 4: has" in message
+    assert len(message) < 1000

@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from rcdn.batch.pair_file import fields_of, matching, read_text, refuse_lines
+from rcdn.batch.pair_file import lines_with_fields, matching, refuse_lines
 from rcdn.errors import ConfigError
 
 Moments = Annotated[
@@ -36,8 +36,7 @@ class MomentFile:
     def read(cls, path: Path) -> MomentFile:
         """Read one moment per line, written as the pairs of `PairFile`, with a name or `-` for each camera. Raises
         ConfigError if the file can't be read, or has no such line."""
-        fields = ((number, fields_of(line)) for number, line in enumerate(read_text(path, "--moments").splitlines(), 1))
-        lines = tuple((number, tuple(names)) for number, names in fields if names)
+        lines = tuple((number, tuple(names)) for number, _, names in lines_with_fields(path, "--moments"))
         if not lines:
             raise _none(path)
         return cls(path, lines)

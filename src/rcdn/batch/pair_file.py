@@ -25,6 +25,8 @@ Pairs = Annotated[
 ]
 SEPARATORS = (",", ";", "\t")
 HEADERS = ({"left", "left_name", "left name"}, {"right", "right_name", "right name"})
+LONGEST = 100_000
+"""characters of a line, which has room for the paths of many cameras; longer fields aren't read by `csv`"""
 MOST_DETAILED = 10
 """bad lines that an error message describes; for the others it lists the line numbers"""
 
@@ -54,11 +56,10 @@ class PairFile:
         skipped. Raises ConfigError that lists every line without two names, or states that the file can't be read.
         """
         lines, bad = [], []
-        for number, text in enumerate(read_text(path, "--pairs").splitlines(), 1):
-            names = fields_of(text)
+        for number, text, names in lines_with_fields(path, "--pairs"):
             if len(names) == 2 and all(names):
                 lines.append(PairLine(number, *names))
-            elif names:
+            else:
                 bad.append((number, f"must hold two names, left and right, not {text.strip()!r}"))
         refuse_lines(path, bad)
         if len(lines) > 1 and lines[0].left.lower() in HEADERS[0] and lines[0].right.lower() in HEADERS[1]:
@@ -107,6 +108,16 @@ def read_text(path: Path, option: str) -> str:
         return path.read_text(encoding="utf-8-sig", errors="surrogateescape")  # as Python decodes file names
     except OSError as error:
         raise ConfigError(f"{option} {path}: can't be read ({error.strerror or error}); check the path") from error
+
+
+def lines_with_fields(path: Path, option: str) -> list[tuple[int, str, list[str]]]:
+    """Number, text and fields of each line that has fields in the file that an `option` names. Raises ConfigError if
+    the file can't be read, or that lists every line longer than LONGEST."""
+    lines = [*enumerate(read_text(path, option).splitlines(), 1)]
+    too_long = f"has more than {LONGEST} characters; write one line for each pair or moment"
+    refuse_lines(path, [(number, too_long) for number, text in lines if len(text) > LONGEST])
+    split = ((number, text, fields_of(text)) for number, text in lines)
+    return [(number, text, fields) for number, text, fields in split if fields]
 
 
 def fields_of(line: str) -> list[str]:
