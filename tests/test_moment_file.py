@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from types import SimpleNamespace
 from unicodedata import normalize
@@ -10,6 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from rcdn.batch.moment_file import MomentFile
+from rcdn.batch.pair_file import PairFile
 from rcdn.batch.rig_runs import _moments
 from rcdn.cli import app
 from rcdn.errors import ConfigError
@@ -124,3 +126,22 @@ def test_a_line_of_moments_that_is_too_long(tmp_path):
     message = str(error.value)
     assert "line 2: has more than 100000 characters; write one line for each pair or moment; line 4: has" in message
     assert len(message) < 1000
+
+
+def test_paths_are_taken_apart_once_a_camera(tmp_path, monkeypatch):
+    """The work grows with the pictures and lines, not with their product."""
+    calls = []
+    monkeypatch.setattr("os.path.abspath", lambda path, plain=os.path.abspath: calls.append(path) or plain(path))
+    cameras = {c: [f"{c}/{k:04d}.png" for k in range(500)] for c in "abcd"}
+    got = match(tmp_path, "".join(f"{k:04d} " * 4 + "\n" for k in range(100)), cameras, {"a": ["a/bad.png"]})
+    assert got[0][:100] == got[3][:100] == [str(k + 1) for k in range(100)]
+    assert len(calls) < 10 * (4 * 500 + 4 * 100)
+
+
+def test_pairs_take_paths_apart_once_a_camera(tmp_path, monkeypatch):
+    calls = []
+    monkeypatch.setattr("os.path.abspath", lambda path, plain=os.path.abspath: calls.append(path) or plain(path))
+    one, two = ([f"{c}/{k:04d}.png" for k in range(500)] for c in "ab")
+    (tmp_path / "pairs.txt").write_text("".join(f"{k:04d} {k:04d}\n" for k in range(100)))
+    assert PairFile.read(tmp_path / "pairs.txt").match(one, two) == [(k, k) for k in range(100)]
+    assert len(calls) < 10 * (2 * 500 + 2 * 100)

@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from rcdn.batch.pair_file import lines_with_fields, matching, refuse_lines
+from rcdn.batch.pair_file import Named, lines_with_fields, refuse_lines
 from rcdn.errors import ConfigError
 
 Moments = Annotated[
@@ -53,7 +53,8 @@ class MomentFile:
         line.
         """
         order, lines = self._header(list(pictures))
-        unread = unread or {}
+        named = {camera: Named(of_camera, self.path.parent) for camera, of_camera in pictures.items()}
+        lost = {camera: Named((unread or {}).get(camera, ()), self.path.parent) for camera in order}
         found: dict[str, dict[int, int]] = {camera: {} for camera in order}
         bad = []
         for number, names in lines:
@@ -62,9 +63,9 @@ class MomentFile:
                 continue
             faults = []
             for camera, name in zip(order, names, strict=True):
-                if name in NONE or matching(name, unread.get(camera, ()), self.path.parent):
+                if name in NONE or lost[camera].matching(name):
                     continue
-                at, fault = self._find(name, camera, pictures[camera])
+                at, fault = _find(name, camera, named[camera])
                 if at in found[camera]:
                     fault = f"{name} is in line {found[camera][at]}, too"
                 if fault:
@@ -89,15 +90,16 @@ class MomentFile:
             raise _none(self.path)
         return first, self.lines[1:]
 
-    def _find(self, name: str, camera: str, pictures: Sequence[str]) -> tuple[int, str]:
-        """(index, "") of the picture called `name`, or (−1, description of the fault)."""
-        found = matching(name, pictures, self.path.parent)
-        if len(found) == 1:
-            return found[0], ""
-        if found:
-            return -1, f"{name} may be {' and '.join(pictures[k] for k in found[:2])}: write more of the folder"
-        example = f", such as {pictures[0]}" if pictures else ""
-        return -1, f"no picture of {camera} is called {name} (it has {len(pictures)}{example})"
+
+def _find(name: str, camera: str, named: Named) -> tuple[int, str]:
+    """(index, "") of the picture of a camera that is called `name`, or (−1, description of the fault)."""
+    found, pictures = named.matching(name), named.pictures
+    if len(found) == 1:
+        return found[0], ""
+    if found:
+        return -1, f"{name} may be {' and '.join(pictures[k] for k in found[:2])}: write more of the folder"
+    example = f", such as {pictures[0]}" if pictures else ""
+    return -1, f"no picture of {camera} is called {name} (it has {len(pictures)}{example})"
 
 
 def _none(path: Path) -> ConfigError:

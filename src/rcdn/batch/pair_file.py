@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePath
 from typing import Annotated
@@ -80,14 +80,16 @@ class PairFile:
         `unread` (already reported) is skipped. Raises ConfigError that lists every line with an unknown name, with a
         name that matches several pictures, or with a picture of another line.
         """
-        sides, folder = (list(left), list(right)), self.path.parent
+        folder = self.path.parent
+        sides = (Named(left, folder), Named(right, folder))
+        lost = (Named(unread[0], folder), Named(unread[1], folder))
         taken: tuple[dict[int, int], dict[int, int]] = ({}, {})
         pairs, bad = [], []
         for line in self.lines:
             names = (line.left, line.right)
-            if any(matching(name, lost, folder) for name, lost in zip(names, unread, strict=True)):
+            if any(of_side.matching(name) for name, of_side in zip(names, lost, strict=True)):
                 continue
-            found = [_find(name, side, sides, folder) for side, name in enumerate(names)]
+            found = [_find(name, side, sides) for side, name in enumerate(names)]
             faults = [fault for _, fault in found if fault]
             for name, (at, _), before in zip(names, found, taken, strict=True):
                 if at in before:
@@ -131,33 +133,63 @@ def fields_of(line: str) -> list[str]:
     return fields if separator != " " else [f for f in fields if f]
 
 
-def _find(name: str, side: int, sides: tuple[list[str], list[str]], folder: Path) -> tuple[int, str]:
+def _find(name: str, side: int, sides: tuple[Named, Named]) -> tuple[int, str]:
     """(index, "") of the picture called `name` of one camera (`side`: 0 left, 1 right), or (−1, description of the
     fault)."""
-    found = matching(name, sides[side], folder)
+    found, pictures = sides[side].matching(name), sides[side].pictures
     if len(found) == 1:
         return found[0], ""
     here, there = ("left", "right") if side == 0 else ("right", "left")
     if found:
-        some = " and ".join(sides[side][k] for k in found[:2])
+        some = " and ".join(pictures[k] for k in found[:2])
         return -1, f"{name} may be {some}: write more of the folder"
-    if matching(name, sides[1 - side], folder):
+    if sides[1 - side].matching(name):
         return -1, f"{name} is a picture of the {there} camera: the left one comes first"
-    example = f", such as {sides[side][0]}" if sides[side] else ""
-    return -1, f"no picture of the {here} camera is called {name} (it has {len(sides[side])}{example})"
+    example = f", such as {pictures[0]}" if pictures else ""
+    return -1, f"no picture of the {here} camera is called {name} (it has {len(pictures)}{example})"
 
 
-def matching(name: str, pictures: Sequence[str], folder: Path) -> list[int]:
-    """Indices of the pictures that match `name` by the strictest rule that any picture satisfies; accents may be
-    spelled in two ways."""
-    absolute = {os.path.abspath(name), os.path.abspath(folder / name)}
-    same = [k for k, p in enumerate(pictures) if p == name or os.path.abspath(p) in absolute]
-    absolute, pictures = set(map(composed, absolute)), list(map(composed, pictures))
-    parts = PurePath(os.path.normpath(composed(name))).parts
-    exact = [k for k, p in enumerate(pictures) if composed_path(p) in absolute]
-    ends = [k for k, p in enumerate(pictures) if PurePath(p).parts[-len(parts) :] == parts]
-    bare = [k for k, p in enumerate(pictures) if PurePath(p).with_suffix("").parts[-len(parts) :] == parts]
-    return same or exact or ends or bare
+class Named:
+    """The pictures of a camera by what a file in `folder` may call them: made once, and then asked for each name."""
+
+    def __init__(self, pictures: Sequence[str], folder: Path) -> None:
+        self.pictures = list(pictures)
+        self._folder = folder
+        self._same, self._exact = _Places(), _Places()
+        self._ends, self._bare = _Places(), _Places()
+        for k, picture in enumerate(self.pictures):
+            self._same.add(picture, k)
+            self._same.add(os.path.abspath(picture), k)
+            path = PurePath(composed(picture))
+            self._exact.add(composed_path(path), k)
+            for places, parts in ((self._ends, path.parts), (self._bare, path.with_suffix("").parts)):
+                for length in range(1, len(parts) + 1):
+                    places.add(parts[-length:], k)
+
+    def matching(self, name: str) -> list[int]:
+        """Indices of the pictures that match `name` by the strictest rule that any picture satisfies; accents may be
+        spelled in two ways."""
+        absolute = {os.path.abspath(name), os.path.abspath(self._folder / name)}
+        parts = PurePath(os.path.normpath(composed(name))).parts
+        return (
+            self._same.of(name, *absolute)
+            or self._exact.of(*map(composed, absolute))
+            or self._ends.of(parts)
+            or self._bare.of(parts)
+        )
+
+
+class _Places:
+    """The indices of the pictures with each key."""
+
+    def __init__(self) -> None:
+        self._at: dict[Hashable, list[int]] = {}
+
+    def add(self, key: Hashable, index: int) -> None:
+        self._at.setdefault(key, []).append(index)
+
+    def of(self, *keys: Hashable) -> list[int]:
+        return sorted({k for key in keys for k in self._at.get(key, ())})
 
 
 def refuse_lines(path: Path, bad: Sequence[tuple[int, str]]) -> None:
