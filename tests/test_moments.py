@@ -7,7 +7,7 @@ from unicodedata import normalize
 
 import pytest
 
-from rcdn.batch.moments import moments_note, moments_of
+from rcdn.batch.moments import cameras_in, moments_note, moments_of
 from rcdn.errors import ConfigError
 
 
@@ -80,3 +80,10 @@ def test_nothing_is_said_where_most_names_are_shared():
         "by number: 2 moments of several cameras, 0 of one camera only"
     )
     assert "by order, since names and numbers don't say which do" in moments_note([["0"], ["0"]], "order")
+
+
+def test_one_camera_is_no_rig(tmp_path):
+    (tmp_path / "left").mkdir()
+    for inputs in ([str(tmp_path)], ["left.json"], []):
+        with pytest.raises(ConfigError, match="that holds a folder, a video or a file of saved detections of each"):
+            cameras_in(inputs)

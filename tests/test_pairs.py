@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from unicodedata import normalize
 
 import pytest
 
+from rcdn.batch.calibration_runs import _paired
 from rcdn.batch.pair_file import PairFile
 from rcdn.batch.pairs import Pairing, pair_names, pairing_hint
 from rcdn.errors import ConfigError
@@ -207,3 +209,14 @@ def test_a_line_of_pairs_that_is_too_long(tmp_path):
     message = str(error.value)
     assert "line 2: has more than 100000 characters; write one line for each pair or moment; line 4: has" in message
     assert len(message) < 1000
+
+
+def test_pairs_of_a_run_know_of_which_camera_a_picture_was_not_read(tmp_path):
+    (tmp_path / "pairs.txt").write_text("07 08\n08 09\n")
+    left, right = (
+        SimpleNamespace(
+            images=[SimpleNamespace(path=p) for p in paths], failures=[SimpleNamespace(name=n) for n in lost]
+        )
+        for paths, lost in ((["a/07.png", "a/08.png"], []), (["b/08.png", "b/09.png"], ["b/07.png"]))
+    )
+    assert _paired(left, right, PairFile.read(tmp_path / "pairs.txt")) == [(0, 0), (1, 1)]

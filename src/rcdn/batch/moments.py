@@ -17,8 +17,9 @@ if TYPE_CHECKING:
 
 
 def cameras_in(inputs: Sequence[str]) -> dict[str, list[str]]:
-    """The inputs by camera name: one folder with a subfolder or video for each camera, or one input for each camera.
-    Raises ConfigError if there is only one camera."""
+    """The inputs by camera name: one folder with a subfolder or video for each camera, or one input for each camera
+    (of one folder with a file of saved detections for each, `a_file_a_camera` gives these files). Raises ConfigError if
+    there is only one camera."""
     from rcdn.io import is_video
 
     if len(inputs) == 1 and Path(inputs[0]).is_dir():
@@ -27,7 +28,8 @@ def cameras_in(inputs: Sequence[str]) -> dict[str, list[str]]:
         inputs = inputs or [str(p) for p in inside if is_video(p)]
     if len(inputs) < 2:
         raise ConfigError(
-            "--rig takes two inputs or more, one a camera, or one folder that holds a folder or a video of each"
+            "--rig takes two inputs or more, one a camera, or one folder that holds a folder, a video or a file of "
+            "saved detections of each"
         )
     names = [_name(i) for i in inputs]
     if max(Counter(names).values()) > 1:
