@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 def cameras_in(inputs: Sequence[str]) -> dict[str, list[str]]:
     """The inputs by camera name: one folder with a subfolder or video for each camera, or one input for each camera
-    (of one folder with a file of saved detections for each, `a_file_a_camera` gives these files). Raises ConfigError if
+    (of one folder with a file of saved detections for each, `saved_in_folder` gives these files). Raises ConfigError if
     there is only one camera."""
     from rcdn.io import is_video
 
