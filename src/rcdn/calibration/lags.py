@@ -72,12 +72,12 @@ def late_moments(
     and the time of each moment."""
     out, times = [], dict(time)
     for c, moments in enumerate(when):
-        out.append([later(m, time, lags.get(c, 0)) for m in moments])
+        out.append([_later(m, time, lags.get(c, 0)) for m in moments])
         times.update({new: time[m] + lags[c] for new, m in zip(out[c], moments, strict=True) if new not in times})
     return out, times
 
 
-def later(moment: str, time: Mapping[str, float], lag: int) -> str:
+def _later(moment: str, time: Mapping[str, float], lag: int) -> str:
     """The moment that is nearest to `lag` after another one; a new name if there is none within half a moment."""
     if not lag:
         return moment
@@ -103,7 +103,7 @@ def _between(
 
 def _lag(cameras: Sequence[Calibration], sights: Sights, time: Mapping[str, float], a: int, b: int) -> Lag | None:
     """The lag of camera b against camera a."""
-    one, other = timed(sights[a], time), timed(sights[b], time)
+    one, other = _timed(sights[a], time), _timed(sights[b], time)
     enough = max(FEWEST, HALF * min(len(sights[a]), len(sights[b])))
     apart = {round(s - t) for target in one.keys() & other.keys() for s in one[target][0] for t in other[target][0]}
     best: Lag | None = None
@@ -120,7 +120,7 @@ def _lag(cameras: Sequence[Calibration], sights: Sights, time: Mapping[str, floa
     return best
 
 
-def timed(sights: Mapping[Key, int], time: Mapping[str, float]) -> dict[int, tuple[Array, Array]]:
+def _timed(sights: Mapping[Key, int], time: Mapping[str, float]) -> dict[int, tuple[Array, Array]]:
     """For each target, the times of its views in increasing order, and the views' indices."""
     found: dict[int, list[tuple[float, int]]] = {}
     for (moment, target), view in sights.items():

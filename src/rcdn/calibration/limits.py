@@ -216,19 +216,6 @@ RIG_LIMITS = {
     ),
 }  # fmt: skip
 """additional thresholds for a rig of many cameras"""
-STEP_LIMITS = {
-    "contradiction": Limit(
-        "Cameras whose lens doesn't fit to the others' views", "", 0, 0, 0,
-        "A lens that its own views determine stays the same beside other cameras, if these see the board at the same "
-        "moments and stand still.",
-    ),
-    "changing_lag": Limit(
-        "Cameras whose lag changes", "", 0, NEVER, NEVER,
-        "A frame that was lost moves all later pictures by one moment; which belong together is then only known as far "
-        "as a moving board tells.",
-    ),
-}  # fmt: skip
-"""additional thresholds for cameras that are out of step"""
 
 
 def reason(
@@ -240,7 +227,7 @@ def reason(
     `factor`: of thresholds in pixels. `level`: overrides the level by the thresholds, where the value alone does not
     determine it.
     """
-    limit = (LIMITS | STEREO_LIMITS | RIG_LIMITS | STEP_LIMITS)[key]
+    limit = (LIMITS | STEREO_LIMITS | RIG_LIMITS)[key]
     factor = factor if limit.grows else 1.0
     found = level or limit.level(value, factor)
     fine = found == "good"

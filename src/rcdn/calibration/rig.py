@@ -20,16 +20,13 @@ from rcdn.calibration.arguments import (
     given_size,
 )
 from rcdn.calibration.board_paths import times_of
-from rcdn.calibration.changing_lags import by_courses, courses_of
 from rcdn.calibration.coded import Geometries, Spacing
 from rcdn.calibration.common_model import one_model
-from rcdn.calibration.contradiction import contradicted, with_held
 from rcdn.calibration.fixed_boards import in_sets
 from rcdn.calibration.known_lens import with_lens
 from rcdn.calibration.labels import Size
 from rcdn.calibration.lags import lags_of, late_moments
 from rcdn.calibration.one_thread import one_thread
-from rcdn.calibration.out_of_step import out_of_step, sentences_on
 from rcdn.calibration.rig_facts import judged_rig, links_of, pairs_of
 from rcdn.calibration.rig_fit import fitted
 from rcdn.calibration.rig_graph import RigGraph, sights_of
@@ -108,7 +105,7 @@ def calibrate_rig(
     unnamed = [c for c, lens in enumerate(lenses) if lens == "auto"]
     alone = _of_one_make(alone, unnamed, as_model, sights_of(alone, when))
     known = [name in given for name in order]
-    graph, time, lags, told = _graph(order, alone, when, known, fixed_boards)
+    graph, time, lags = _graph(alone, when, known, fixed_boards)
     main = graph.parts[0]
     if len(main) < 2:
         raise CalibrationError(_why(order, graph, list(given)))
@@ -116,31 +113,12 @@ def calibrate_rig(
     graph = replace(graph, edges=edges, fixed=graph.fixed.only({key[1] for key in fits.boards}))
     fits = in_sets(fits, graph.fixed, places, graph.sights)
     task = RigTask.of(main, alone, graph.sights, fits, graph.when, [known[c] for c in main], graph.fixed)
-    late = [lags.get(c, 0) for c in main]
-    step, held = _solved(task, alone, places, time, correct_time, late), list[str]()
-    while bent := contradicted(task, step.fit, alone):
-        task, held = with_held(task, bent), [*held, *(order[main[c]] for c in bent)]
-        step = _solved(task, alone, places, time, correct_time, late, shaped=False)
-    found = _result(task, step, order, alone, graph, tuple(n for n in order if n in given), held)
-    lagging = courses_of(alone, graph.sights, time, True) if held and not told else []
-    seen = sentences_on(lagging, order, _called(graph.when, time))
-    return judged_rig(found, correct_time, out_of_step(told, held, seen, found.rms))
-
-
-def _solved(
-    task: RigTask,
-    alone: Sequence[Calibration],
-    places: Mapping[int, Array],
-    time: Mapping[str, float],
-    correct: bool,
-    late: Sequence[int],
-    shaped: bool = True,
-) -> InStep:
-    """The joint solution, with time shifts; the board has a shape if it is `shaped` for the camera that shows it
-    best."""
-    of = alone[task.shape]
-    fit = fitted(task.joint, task.start(alone, places), shaped=shaped and of.shape is not None, spacing=of.spacing)
-    return in_step(task, fit, time, correct, of.spacing, late)
+    state = task.start(alone, places)
+    spaced = alone[task.shape].spacing
+    fit = fitted(task.joint, state, shaped=alone[task.shape].shape is not None, spacing=spaced)
+    step = in_step(task, fit, time, correct_time, spaced, [lags.get(c, 0) for c in main])
+    found = _result(task, step, order, alone, graph, tuple(n for n in order if n in given))
+    return judged_rig(found, correct_time)
 
 
 def _checked(name: str, boards: Sequence[Board]) -> Sequence[Board]:
@@ -210,31 +188,18 @@ def _one_as(both: tuple[int, int], as_model: Callable[[int, str], Calibration], 
 
 
 def _graph(
-    order: Sequence[str],
-    alone: Sequence[Calibration],
-    when: Sequence[Sequence[str]],
-    known: Sequence[bool],
-    fixed_boards: bool,
-) -> tuple[RigGraph, dict[str, float], dict[int, int], list[str]]:
+    alone: Sequence[Calibration], when: Sequence[Sequence[str]], known: Sequence[bool], fixed_boards: bool
+) -> tuple[RigGraph, dict[str, float], dict[int, int]]:
     """The graph, the time of each moment, and the cameras' lags, by which moments are counted anew if that connects
-    more cameras; and sentences on lags that change, by which they are counted anew first."""
-    time = times_of(m for each in when for m in each)
-    courses = courses_of(alone, sights_of(alone, when), time)
-    told = sentences_on(courses, order, _called(when, time))
-    when, time = by_courses(when, time, courses) if courses else (when, time)
-    graph = RigGraph.of(alone, when, known, fixed_boards)
+    more cameras."""
+    graph, time = RigGraph.of(alone, when, known, fixed_boards), times_of(m for each in when for m in each)
     lags = lags_of(alone, graph.sights, time, graph.parts)
     if lags:
         later, times = late_moments(when, time, lags)
         anew = RigGraph.of(alone, later, known, fixed_boards)
         if len(anew.parts[0]) > len(graph.parts[0]):
-            return anew, times, lags, told
-    return graph, time, {}, told
-
-
-def _called(when: Sequence[Sequence[str]], time: Mapping[str, float]) -> list[dict[float, str]]:
-    """For each camera what its moments are called, by their time."""
-    return [{time[m]: m for m in each} for each in when]
+            return anew, times, lags
+    return graph, time, {}
 
 
 def _why(order: Sequence[str], graph: RigGraph, given: Sequence[str]) -> str:
@@ -253,9 +218,7 @@ def _result(
     alone: list[Calibration],
     graph: RigGraph,
     given: tuple[str, ...],
-    held: Sequence[str],
 ) -> RigCalibration:
-    """The rig; cameras whose lenses were `held` since the others contradict them are as they are alone."""
     main, fit = task.cameras, step.fit
     solution = RigSolution.of(task, fit, step.taken, step.lost)
     names = tuple(order[c] for c in main)
@@ -264,7 +227,7 @@ def _result(
     boards = {key: T for key, T in task.poses_of(fit.state).items() if not fit.reasons[task.boards[key]]}
     return RigCalibration(
         rig=rig,
-        cameras={n: alone[c] if n in held else done[c] for c, n in enumerate(order)},
+        cameras=dict(zip(order, done, strict=True)),
         boards=boards,
         rms=solution.rms,
         pairs=pairs_of(order, done, graph.sights, _epipolar(task, step, names)),

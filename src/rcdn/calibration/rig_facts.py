@@ -94,14 +94,12 @@ def _link(
     return (bool(common), score), MissingLink(order[a], order[b], views[0].name, views[1].name, bool(common))
 
 
-def judged_rig(found: RigCalibration, correct_time: bool = False, more: Sequence[Reason] = ()) -> RigCalibration:
-    """`found` with its verdict and those of its cameras; `correct_time`: a correction of its time shifts was tried;
-    `more`: reasons that the result doesn't show."""
+def judged_rig(found: RigCalibration, correct_time: bool = False) -> RigCalibration:
+    """`found` with its verdict and those of its cameras; `correct_time`: a correction of its time shifts was tried."""
     cameras = {
         name: judged_known(camera) if name in found.given else judged(camera) for name, camera in found.cameras.items()
     }
     reasons = [
-        *more,
         *_rig_reasons(found, correct_time),
         *(r for name, c in cameras.items() for r in against_camera(name, name, c.verdict)),
     ]

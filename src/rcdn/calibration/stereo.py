@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from operator import index
 
 import numpy as np
@@ -14,14 +13,11 @@ from rcdn.calibration.arguments import check_boards, check_own_boards, given_siz
 from rcdn.calibration.calibrate import check_arguments, check_model
 from rcdn.calibration.coded import Geometries, Spacing
 from rcdn.calibration.common_model import one_model
-from rcdn.calibration.contradiction import contradicted, with_held
 from rcdn.calibration.epipolar import epipolar_gaps, matches
 from rcdn.calibration.joint_pairs import JointPairs
 from rcdn.calibration.known_lens import with_lens
 from rcdn.calibration.labels import Size
 from rcdn.calibration.one_thread import one_thread
-from rcdn.calibration.out_of_step import out_of_step
-from rcdn.calibration.pairs_in_step import lags_seen, odd_pairs, pairs_in_step
 from rcdn.calibration.relative_pose import FEWEST_PAIRS, determines_pose, hypotheses, place
 from rcdn.calibration.rig_fit import fitted
 from rcdn.calibration.rig_solution import RigSolution
@@ -102,7 +98,6 @@ def stereo_solution(
     known = (cameras[0] is not None, cameras[1] is not None)
     lenses = (cameras[0] or model, cameras[1] or model)
     first, second, note = _each(left, right, spacing, pairs, names, lenses, size)
-    pairs, told = pairs_in_step(first, second, pairs)
     shared = [p for p in pairs if determines_pose(first.views[p[0]], second.views[p[1]])]
     if len(shared) < FEWEST_PAIRS:
         some = many(len(shared), "pair shows", "pairs show")
@@ -112,30 +107,18 @@ def stereo_solution(
         )
     T, turned, odd = _placed(first, second, shared, pairs, known)
     task = pair_task(first, second, [p for p in shared if p not in odd], turned, known)
-    fit, held = _solved(task, (first, second), T), list[int]()
-    while bent := contradicted(task, fit, (first, second)):
-        task, held = with_held(task, bent), [*held, *bent]
-        fit = _solved(task, (first, second), T, shaped=False)
+    shaped = (first, second)[task.shape]
+    start = task.start((first, second), {0: np.eye(4), 1: T})
+    fit = fitted(task.joint, start, shaped=shaped.shape is not None, spacing=shaped.spacing)
     solution = RigSolution.of(task, fit)
-    _check_pairs(solution, partial(lags_seen, first, second, pairs))
-    given = tuple(side for side, of_it in zip(SIDES, known, strict=True) if of_it)
-    done = replace(_result(solution, first, second, odd, held), given=given)
-    seen = lags_seen(first, second, pairs) if held and not told else ()
-    against = out_of_step(told, [SIDES[c] for c in sorted(held)], seen, solution.rms)
-    judged = judged_stereo(replace(done, advice=(*done.advice, note)) if note else done, against)
+    _check_pairs(solution)
+    given = tuple(side for side, held in zip(SIDES, known, strict=True) if held)
+    done = replace(_result(solution, first, second, odd), given=given)
+    judged = judged_stereo(replace(done, advice=(*done.advice, note)) if note else done)
     end = solution.places.stop
     mine = [*range(end), *range(len(solution.cov) - 6, len(solution.cov))]
-    at, single = np.flatnonzero(fit.free), np.zeros((len(fit.free), len(fit.free)))
-    single[np.ix_(at, at)] = fit.arrow.covariance
-    return StereoSolution(judged, solution.cov[np.ix_(mine, mine)], single[:end, :end], len(solution.used))
-
-
-def _solved(task: RigTask, alone: tuple[Calibration, Calibration], T: Array, shaped: bool = True) -> robust.Fit:
-    """The joint solution from the relative pose T; the board has a shape if it is `shaped` for the camera that shows it
-    best."""
-    of = alone[task.shape]
-    start = task.start(alone, {0: np.eye(4), 1: T})
-    return fitted(task.joint, start, shaped=shaped and of.shape is not None, spacing=of.spacing)
+    single = fit.arrow.covariance[:end, :end]
+    return StereoSolution(judged, solution.cov[np.ix_(mine, mine)], single, len(solution.used))
 
 
 def _check_lenses(cameras: KnownLenses, model: str) -> None:
@@ -275,32 +258,36 @@ def pair_task(
     return RigTask.of_two((0, 1), alone, sights, turns, when, known)
 
 
-def _check_pairs(solution: RigSolution, lags: Callable[[], Sequence[str]]) -> None:
-    """Raise CalibrationError if too few pairs agree, with what is seen of their `lags`."""
+def _check_pairs(solution: RigSolution) -> None:
+    """Raise CalibrationError if too few pairs agree."""
     pairs = [f for f in solution.used if solution.task.keys[f] is not None]
     if len(pairs) < FEWEST_PAIRS:
         raise CalibrationError(
             f"only {many(len(pairs), 'pair agrees', 'pairs agree')} with the others: "
-            f"check that pictures are paired by moment{''.join(f'. {text}' for text in lags()).rstrip('.')}"
+            "check that pictures are paired by moment"
         )
 
 
 def _result(
-    solution: RigSolution,
-    first: Calibration,
-    second: Calibration,
-    odd: list[tuple[int, int]],
-    held: Sequence[int],
+    solution: RigSolution, first: Calibration, second: Calibration, odd: list[tuple[int, int]]
 ) -> StereoCalibration:
-    """The calibrated pair; cameras whose lenses were `held` since the other contradicts them are as they are alone."""
     task, fit, T = solution.task, solution.fit, solution.fit.state.rig[1]
-    joint = solution.cameras((first, second), solution.rig(SIDES))
-    left, right = ((first, second)[c] if c in held else joint[c] for c in (0, 1))
+    left, right = solution.cameras((first, second), solution.rig(SIDES))
     left, right = (_paired(task, c, calibration) for c, calibration in enumerate((left, right)))
     rectified = rectifying(left.camera, right.camera, T)
-    advice = odd_pairs([f"{first.views[a].name} and {second.views[b].name}" for a, b in odd])
+    advice = _odd_pairs([f"{first.views[a].name} and {second.views[b].name}" for a, b in odd])
     cov = solution.cov[solution.places, solution.places]
     return StereoCalibration(left, right, T, cov, solution.rms, _epipolar(task, fit), *rectified, advice)
+
+
+def _odd_pairs(names: list[str]) -> tuple[str, ...]:
+    """Advice that names the pairs that were left out."""
+    if not names:
+        return ()
+    some = f"{', '.join(names[:3])}{', …' if len(names) > 3 else ''}"
+    those = many(len(names), "pair disagrees", "pairs disagree")
+    left_out = "was left out" if len(names) == 1 else "were left out"
+    return (f"{those} with the others on where the cameras stand and {left_out}: {some}.",)
 
 
 def _paired(task: RigTask, camera: int, calibration: Calibration) -> Calibration:
@@ -314,11 +301,10 @@ def _paired(task: RigTask, camera: int, calibration: Calibration) -> Calibration
 
 def _epipolar(task: RigTask, fit: robust.Fit) -> float:
     """RMS distance of corners from their epipolar planes, as an angle × focal length, px, over both cameras; NaN if no
-    corner was seen by both, or none has rays."""
+    corner was seen by both."""
     rows = matches(task.corners, task.ij, fit.used).get((0, 1))
     if rows is None:
         return float("nan")
     left, right = fit.state.cameras
     gaps = epipolar_gaps(left, right, fit.state.rig[1], *(task.corners.xy[each] for each in rows))
-    known = gaps[np.isfinite(gaps)]
-    return float(np.sqrt((known**2).mean())) if len(known) else float("nan")
+    return float(np.sqrt(np.nanmean(gaps**2)))

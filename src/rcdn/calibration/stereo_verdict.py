@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,16 +15,14 @@ from rcdn.types import Calibration, Reason, StereoCalibration, Verdict
 from rcdn.types.calibration import SIDES
 
 
-def judge_stereo(stereo: StereoCalibration, more: Sequence[Reason] = ()) -> Verdict:
-    """The verdict on a pair: `more` reasons that the result doesn't show, its own checks, then the reasons against each
-    camera."""
+def judge_stereo(stereo: StereoCalibration) -> Verdict:
+    """The verdict on a pair: its own checks, then the reasons against each camera."""
     of_cameras = (r for name, c in _sides(stereo) for r in _of_camera(name, c, name in stereo.given))
-    return verdict_of([*more, *_pair_reasons(stereo), *of_cameras])
+    return verdict_of([*_pair_reasons(stereo), *of_cameras])
 
 
-def judged_stereo(stereo: StereoCalibration, more: Sequence[Reason] = ()) -> StereoCalibration:
-    """`stereo` with its verdict and those of its cameras, and with advice that contains the same reasons; `more` that
-    the result doesn't show.
+def judged_stereo(stereo: StereoCalibration) -> StereoCalibration:
+    """`stereo` with its verdict and those of its cameras, and with advice that contains the same reasons.
 
     Advice about the pairs themselves (which were left out) is kept and comes first.
     """
@@ -33,7 +30,7 @@ def judged_stereo(stereo: StereoCalibration, more: Sequence[Reason] = ()) -> Ste
     of_pairs = tuple(text for text in stereo.advice if text not in of_cameras)
     left, right = (judged_known(c) if name in stereo.given else judged(c) for name, c in _sides(stereo))
     done = replace(stereo, left=left, right=right)
-    verdict = judge_stereo(done, more)
+    verdict = judge_stereo(done)
     noted = [f"{name.capitalize()}: {text}" for name, c in _sides(done) for text in notes(c)]
     return replace(done, verdict=verdict, advice=tuple(dict.fromkeys([*of_pairs, *sentences(verdict), *noted])))
 
