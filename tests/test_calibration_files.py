@@ -98,7 +98,16 @@ def stereo(seed=0, **options):
         left.camera.K, np.zeros(5), right.camera.K, np.zeros(5), SIZE, T[:3, :3], T[:3, 3:], flags=0
     )
     return StereoCalibration(
-        left, right, T, np.eye(6) / 3, 0.1, 0.2, *turns[:5], advice=("Move the cameras apart.",), verdict=verdict()
+        left,
+        right,
+        T,
+        np.eye(6) / 3,
+        0.1,
+        0.2,
+        *turns[:5],
+        advice=("Move the cameras apart.",),
+        verdict=verdict(),
+        pairs=2,
     )
 
 

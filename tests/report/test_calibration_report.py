@@ -501,6 +501,22 @@ def simulated_pair(noise=0.0, many=14):
     return StereoCalibration(a, b, T, cov, 0.15, 0.1, R1, R2, P1, P2, Q, ("Left: more <pairs>.",))
 
 
+def test_only_pairs_are_compared_of_cameras_with_other_views_too(tmp_path):
+    whole = simulated_pair(noise=0.1)
+    left, right = whole.left.views, whole.right.views
+    found = replace(
+        whole,
+        left=replace(whole.left, views=(*left[:10], *left[12:])),
+        right=replace(whole.right, views=right[:11]),
+        pairs=10,
+    )
+    assert found.view_pairs == list(zip(left[:10], right[:10], strict=True))
+    assert rectified.row_gaps(found) == pytest.approx(rectified.row_gaps(whole)[:10])
+    write_stereo_report(tmp_path / "pair.html", found)
+    assert "from 10 pairs of boards" in " ".join((tmp_path / "pair.html").read_text().split())
+    assert replace(found, pairs=None).view_pairs[10] == (left[12], right[10])  # of files without their number
+
+
 def test_matching_corners_lie_on_one_row_after_rectification():
     pair = simulated_pair()
     assert rectified.row_gaps(pair) == pytest.approx(np.zeros(14), abs=1e-6)

@@ -277,7 +277,8 @@ def _result(
     rectified = rectifying(left.camera, right.camera, T)
     advice = _odd_pairs([f"{first.views[a].name} and {second.views[b].name}" for a, b in odd])
     cov = solution.cov[solution.places, solution.places]
-    return StereoCalibration(left, right, T, cov, solution.rms, _epipolar(task, fit), *rectified, advice)
+    pairs = sum(key is not None for key in task.keys)
+    return StereoCalibration(left, right, T, cov, solution.rms, _epipolar(task, fit), *rectified, advice, pairs=pairs)
 
 
 def _odd_pairs(names: list[str]) -> tuple[str, ...]:
@@ -307,4 +308,5 @@ def _epipolar(task: RigTask, fit: robust.Fit) -> float:
         return float("nan")
     left, right = fit.state.cameras
     gaps = epipolar_gaps(left, right, fit.state.rig[1], *(task.corners.xy[each] for each in rows))
-    return float(np.sqrt(np.nanmean(gaps**2)))
+    known = gaps[np.isfinite(gaps)]
+    return float(np.sqrt((known**2).mean())) if len(known) else float("nan")

@@ -47,7 +47,7 @@ def baseline_std(stereo: StereoCalibration) -> float:
 
 
 def _pair_reasons(stereo: StereoCalibration) -> list[Reason]:
-    used = sum(not a.reason and not b.reason for a, b in zip(stereo.left.views, stereo.right.views, strict=False))
+    used = sum(not a.reason and not b.reason for a, b in stereo.view_pairs)
     factor = growth(stereo.left.camera.image_size)
     share = baseline_std(stereo) / max(stereo.baseline, 1e-12)
     shared = np.isfinite(stereo.epipolar)

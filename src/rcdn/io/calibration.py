@@ -70,8 +70,9 @@ def read_stereo_calibration(path: str | Path) -> StereoCalibration:
     rectified = (R_left, R_right, P_left, P_right, Q)
     given = names_of(data.get("given", []), f"{where}: given")
     verdict = verdict_of(data, where)
+    pairs = None if data.get("pairs") is None else max(take(data, "pairs", int, where), 0)
     with located(where):
-        return StereoCalibration(left, right, T, cov, rms, epipolar, *rectified, advice, verdict, given)
+        return StereoCalibration(left, right, T, cov, rms, epipolar, *rectified, advice, verdict, given, pairs)
 
 
 # ---- values → JSON
@@ -108,6 +109,7 @@ def _stereo_record(found: StereoCalibration) -> dict[str, Any]:
         "rms": nullable(found.rms),
         "epipolar": nullable(found.epipolar),
         "baseline": nullable(found.baseline),
+        "pairs": found.pairs,
         "given": list(found.given),
         "reasons": [reason_record(r) for r in found.verdict.reasons],
         "advice": list(found.advice),

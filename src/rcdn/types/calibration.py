@@ -229,8 +229,9 @@ SIDES = ("left", "right")
 class StereoCalibration(Value):
     """Two cameras and their relative pose.
 
-    `left`, `right`: their calibrations after the joint solution, with views in the same order (pair k is
-    `left.views[k]` and `right.views[k]`). `T_right_left` (4, 4): takes left camera coordinates to right ones, m; `cov`
+    `left`, `right`: their calibrations after the joint solution, with views in the same order: pair k is
+    `left.views[k]` and `right.views[k]`, for so many `pairs` (None: for all that both have); views without a partner
+    follow. `T_right_left` (4, 4): takes left camera coordinates to right ones, m; `cov`
     (6, 6): covariance of a small motion applied after it (rotation vector, rad; translation, m). `rms` reprojection
     error of both, px; `epipolar` root mean square distance of the corners from their epipolar lines, px, over both
     pictures (NaN if no corner was seen by both). Rectification, with OpenCV's names: `R_left`, `R_right` (3, 3),
@@ -252,6 +253,7 @@ class StereoCalibration(Value):
     advice: tuple[str, ...] = ()
     verdict: Verdict = NOT_JUDGED
     given: tuple[str, ...] = ()
+    pairs: int | None = None
 
     def __post_init__(self) -> None:
         shapes = {"T_right_left": 4, "cov": 6, "R_left": 3, "R_right": 3, "P_left": 4, "P_right": 4, "Q": 4}
@@ -270,6 +272,11 @@ class StereoCalibration(Value):
     @property
     def _facts(self) -> str:
         return f"baseline {self.baseline:.5g} m, rms {self.rms:.3g} px, epipolar {self.epipolar:.3g} px"
+
+    @property
+    def view_pairs(self) -> list[tuple[BoardView, BoardView]]:
+        """The pairs of views, a left and a right one each."""
+        return list(zip(self.left.views, self.right.views, strict=False))[: self.pairs]
 
     @property
     def baseline(self) -> float:

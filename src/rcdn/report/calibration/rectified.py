@@ -40,7 +40,7 @@ def row_gaps(stereo: StereoCalibration) -> Array:
     without matches."""
     axis = 1 if beside(stereo) else 0
     out = []
-    for a, b in zip(stereo.left.views, stereo.right.views, strict=True):
+    for a, b in stereo.view_pairs:
         ka, kb = both_used(a, b)
         left = rectify(stereo.left.camera, stereo.R_left, stereo.P_left, a.xy[ka])
         right = rectify(stereo.right.camera, stereo.R_right, stereo.P_right, b.xy[kb])
@@ -62,7 +62,7 @@ def rectified_pair(
     photographs."""
     if left is None or right is None:
         return None
-    views = list(zip(stereo.left.views, stereo.right.views, strict=True))
+    views = stereo.view_pairs
     order = sorted(
         (k for k, (a, b) in enumerate(views) if not a.reason and not b.reason),
         key=lambda k: -len(both_used(*views[k])[0]),

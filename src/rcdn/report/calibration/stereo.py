@@ -83,7 +83,7 @@ def report(stereo: StereoCalibration, left: Pictures | None, right: Pictures | N
 
 
 def _facts(stereo: StereoCalibration, left: Facts) -> PairFacts:
-    views = list(zip(stereo.left.views, stereo.right.views, strict=True))
+    views = stereo.view_pairs
     return PairFacts(
         lenses=[sections.lens_in_words(c.camera) for c in (stereo.left, stereo.right)],
         pairs=len(views),
@@ -100,7 +100,7 @@ def _facts(stereo: StereoCalibration, left: Facts) -> PairFacts:
 
 def _bars(stereo: StereoCalibration, gaps: Array) -> Drawing:
     """The difference of each pair as a bar."""
-    views = list(zip(stereo.left.views, stereo.right.views, strict=True))
+    views = stereo.view_pairs
     bars = [
         charts.Bar(
             float(gap), bool(a.reason or b.reason), f"pair {k}: {a.name}, {b.name}, {pixels(gap)}", f"#view-L{k}"
@@ -119,7 +119,7 @@ def _used_gap(gaps: Array, views: list[tuple[BoardView, BoardView]]) -> float:
 
 def _rows(stereo: StereoCalibration, gaps: Array) -> list[PairRow]:
     rows = []
-    for a, b, gap in zip(stereo.left.views, stereo.right.views, gaps, strict=True):
+    for (a, b), gap in zip(stereo.view_pairs, gaps, strict=True):
         reason = "; ".join(dict.fromkeys(r for r in (a.reason, b.reason) if r))
         rows.append(PairRow((a.name, b.name), (a.rms, b.rms, float(gap)), reason))
     return rows
