@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from rcdn.batch.saved_cameras import a_file_a_camera
+from rcdn.batch.saved_cameras import saved_in_folder
 from rcdn.cli import app
 from rcdn.io import read_rig, write_rig
 from rcdn.types import Pose, Rig
@@ -80,13 +80,13 @@ def test_only_files_of_detections_in_a_folder_without_folders_are_cameras(made):
     for name in ("c10", "c2"):
         Path(f"saved/{name}.json").write_bytes(Path("c0.json").read_bytes())
     Path("saved/notes.json").write_text("{}")
-    assert a_file_a_camera(["saved"]) == ["saved/c2.json", "saved/c10.json"]
-    assert a_file_a_camera(["saved", "rig.json"]) == ["saved", "rig.json"]
+    assert saved_in_folder(["saved"]) == ["saved/c2.json", "saved/c10.json"]
+    assert saved_in_folder(["saved", "rig.json"]) == ["saved", "rig.json"]
     Path("saved/walk.mp4").touch()
-    assert a_file_a_camera(["saved"]) == ["saved"]
+    assert saved_in_folder(["saved"]) == ["saved"]
     Path("saved/walk.mp4").unlink()
     Path("saved/left").mkdir()
-    assert a_file_a_camera(["saved"]) == ["saved"]
+    assert saved_in_folder(["saved"]) == ["saved"]
 
 
 def test_moments_are_in_the_order_that_people_count(made):
