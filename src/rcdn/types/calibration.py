@@ -287,7 +287,7 @@ class StereoCalibration(Value):
         """Both pictures of one moment, each as `Camera.undistort` takes it, undistorted and turned so that what both
         see lies in the same rows: of the pinhole cameras `P_left` and `P_right`, both of the left camera's size. What
         a camera didn't see is 0. `cv2.reprojectImageTo3D(disparity, Q)` makes points of disparities, m, in the left
-        picture's axes. The maps of the last pairs are kept.
+        picture's axes. Maps are kept as `Camera.undistort` keeps them.
 
         Raises ImageError for anything that isn't such a picture, RcdnError for a size other than its camera's.
         """
